@@ -11,6 +11,7 @@ from scene_clearance import print_clearance
 from scene_clips import print_clips
 from scene_contact import print_contact
 from scene_limp import print_limp
+from scene_many import print_many
 from scene_margins import print_margins
 from scene_pile import print_pile
 from scene_random import print_random
@@ -23,6 +24,7 @@ def main() -> int:
     figures = Figures()
     print_clips(figures, 30 if options.quick else 300)
     print_clearance(figures)
+    print_many(figures, 150 if options.quick else 600)
     print_margins(figures, 200 if options.quick else 2000)
     print_contact(figures, quick=options.quick)
     print_limp(figures, 2 if options.quick else 6)

@@ -16,7 +16,7 @@ from cable_shape.planning.study_result import StudyResult
 from cable_shape.planning.study_spread import Shares
 from cable_shape.planning.study_vary import Axis
 from cable_shape.planning.study_walk import Rows
-from cable_shape.scene.scene import Box, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
+from cable_shape.scene.scene import Box, Cylinder, HalfSpace, HeightField, Mesh, Obstacle, Points, Scene, Sphere
 
 BLUE, AMBER, RED, GREY = "#2563a8", "#d98e04", "#c0392b", "#666666"
 #: Values from which a number is drawn in thousandths, or in millions.
@@ -235,6 +235,8 @@ def _points(solid: Any) -> Array | None:
     """(k, 3): points whose hull is the solid's, or nearly so."""
     if isinstance(solid, HalfSpace):
         return None
+    if isinstance(solid, (Points, HeightField)):
+        return solid.centres
     if isinstance(solid, Mesh):
         return np.asarray(solid.vertices)
     if isinstance(solid, Box):

@@ -36,7 +36,7 @@ WORDS = frozenset((
     "names", "matrix", "scene", "model", "gravity", "points", "tolerance", "distributed_load", "turns", "curvature",
     "force", "moment", "solution", "quantity", "grips", "correction", "harness", "segments", "junctions", "segment",
     "ends", "frames", "sections", "stiffness_interval", "retardation_time", "drag", "friction",
-    "retraction",
+    "retraction", "height_field", "heights", "spacing", "file",
     "allow", "body", "max_force",
 ))  # fmt: skip
 

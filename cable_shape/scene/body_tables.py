@@ -10,7 +10,8 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.distance import bounds, distance, triangles
 from cable_shape.pose import Pose
-from cable_shape.scene.mesh_tree import mesh_tables
+from cable_shape.scene.mesh_tree import mesh_tables, spheres_tables
+from cable_shape.scene.points import HeightField, Points
 from cable_shape.scene.scene_parts import Clip, Obstacle, clip_names
 from cable_shape.scene.solids import Box, Capsule, Cylinder, HalfSpace, Mesh, Solid, Sphere
 
@@ -88,11 +89,16 @@ def body_tables(
         row[4:11] = body.pose.array
         row[11] = -1 if body.link is None else links.index(body.link)
         row[12] = body.link in gripping
-        if isinstance(body.solid, Mesh):
-            faces, nodes, closed = mesh_tables(body.name, body.solid)
-            row[13], row[14] = first_node, closed
+        if isinstance(body.solid, (Mesh, Points, HeightField)):
+            more = 0.0
+            if isinstance(body.solid, Mesh):
+                faces, nodes, row[14] = mesh_tables(body.name, body.solid)
+            else:
+                faces, nodes, row[19] = spheres_tables(body.solid)
+                row[14] = more = body.solid.radius
+            row[13], nodes = first_node, nodes.copy()
             row[15:18] = 0.5 * (nodes[0, :3] + nodes[0, 3:6])
-            row[1:4] = 0.5 * (nodes[0, 3:6] - nodes[0, :3])
+            row[1:4] = 0.5 * (nodes[0, 3:6] - nodes[0, :3]) + more
             nodes[:, 6] += np.where(nodes[:, 7] > 0, first_triangle, first_node)
             all_triangles.append(faces)
             all_nodes.append(nodes)
@@ -102,7 +108,7 @@ def body_tables(
 
 
 def _kind_and_sizes(solid: Solid) -> tuple[int, tuple[float, float, float]]:
-    """Kind and sizes as :mod:`cable_shape.kernels.distance.distance` has them; a mesh gets its sizes from its box."""
+    """Kind and sizes as :mod:`cable_shape.kernels.distance.distance` has them; a tree's are those of its box."""
     if isinstance(solid, Box):
         a, b, c = (0.5 * solid.size).tolist()
         return distance.BOX, (a, b, c)
@@ -114,4 +120,4 @@ def _kind_and_sizes(solid: Solid) -> tuple[int, tuple[float, float, float]]:
         return distance.CAPSULE, (solid.radius, 0.5 * solid.length, 0.0)
     if isinstance(solid, HalfSpace):
         return distance.HALF_SPACE, (0.0, 0.0, 0.0)
-    return distance.MESH, (0.0, 0.0, 0.0)
+    return distance.MESH if isinstance(solid, Mesh) else distance.SPHERES, (0.0, 0.0, 0.0)

@@ -23,7 +23,8 @@ from cable_shape.errors import ArgumentError, lacking
 from cable_shape.kernels.distance.triangles import STACK_SIZE, mesh_points
 from cable_shape.scene import mesh_parts_cache
 from cable_shape.scene.mesh_convex import half_thickness, is_convex
-from cable_shape.scene.mesh_tree import mesh_tables
+from cable_shape.scene.mesh_tree import mesh_tables, spheres_tables
+from cable_shape.scene.points import HeightField, Points
 from cable_shape.scene.scene_parts import Obstacle
 from cable_shape.scene.solids import Mesh
 
@@ -34,6 +35,10 @@ SETTINGS: dict[str, Any] = {"preprocess_mode": "off", "mcts_iterations": 100, "m
 SAMPLES = 20_000
 #: Of the size of a mesh: where two parts are nearer to each other than this lies a seam, into which no cable comes.
 _SEAM = 1e-3
+
+
+#: Of how far points are apart: the least radius.
+_DENSE = 0.75
 
 
 class Parts(NamedTuple):
@@ -51,7 +56,7 @@ def divided(bodies: Iterable[Obstacle]) -> tuple[list[Obstacle], Array]:
     Raises
     ------
     ArgumentError
-        For a mesh that is not closed.
+        For a mesh that is not closed, and for points with gaps between their spheres.
     DependencyError
         Where CoACD is not installed and a mesh has to be divided.
     """
@@ -63,6 +68,8 @@ def divided(bodies: Iterable[Obstacle]) -> tuple[list[Obstacle], Array]:
             out += [replace(body, solid=mesh) for mesh in parts.meshes]
             off += [parts.deviation] * len(parts.meshes)
         else:
+            if isinstance(body.solid, (Points, HeightField)):
+                _check_dense(body.name, body.solid)
             out.append(body)
             off.append(0.0)
     return out, np.array(off)
@@ -81,6 +88,16 @@ def _parts_of(name: str, mesh: Mesh) -> Parts:
     except _DividingError as error:
         remedy = "Divide it into convex parts, one obstacle each, or write contact='warn'."
         raise ArgumentError.of(f"obstacle {name!r}", mesh, str(error), remedy) from None
+
+
+def _check_dense(name: str, solid: Points | HeightField) -> None:
+    """Refuses points between which a cable would lie in dents, or slip through."""
+    apart = spheres_tables(solid)[2]
+    if solid.radius < _DENSE * apart:
+        bound = f"its points are {apart:g} m apart, and contact is solved for from {_DENSE:g} of that on"
+        raise ArgumentError.of(
+            f"obstacle {name!r}: radius", solid.radius, bound, "Raise the radius, or write contact='warn'."
+        )
 
 
 def _not_solid(name: str, mesh: Mesh) -> str:

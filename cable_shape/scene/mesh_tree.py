@@ -1,18 +1,23 @@
-"""Meshes prepared for distance: normals of every feature and a tree of bounding boxes. :func:`mesh_tables`"""
+"""Meshes and points prepared for distance: normals of every feature and a tree of bounding boxes."""
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels.distance.triangles import NODE_COLUMNS
+from cable_shape.kernels.distance.triangles import NODE_COLUMNS, TRIANGLE_COLUMNS
+from cable_shape.scene.points import HeightField, Points
 from cable_shape.scene.solids import Mesh
 
 LEAF_SIZE = 4  # triangles
 
 
+@functools.lru_cache(maxsize=64)
 def mesh_tables(name: str, mesh: Mesh) -> tuple[Array, Array, bool]:
     """The tables of :mod:`cable_shape.kernels.distance.triangles` for the obstacle `name`.
 
@@ -57,21 +62,47 @@ def mesh_tables(name: str, mesh: Mesh) -> tuple[Array, Array, bool]:
     return table[order], nodes, closed
 
 
+@functools.lru_cache(maxsize=64)
+def spheres_tables(solid: Points | HeightField) -> tuple[Array, Array, float]:
+    """The tables of :mod:`cable_shape.kernels.distance.spheres`: centres, nodes, and how far centres are apart [m].
+
+    That is how far most have their fourth neighbour, 0 of a single one: on a lattice, its spacing.
+    """
+    centres = solid.centres
+    order, nodes = _tree(centres[:, None])
+    table = np.zeros((len(centres), TRIANGLE_COLUMNS))
+    table[:, :3] = centres[order]
+    several = min(len(centres), 5)
+    apart = 0.0 if several == 1 else float(np.median(KDTree(centres).query(centres, several)[0][:, -1]))
+    return table, nodes, apart
+
+
 def _tree(corners: Array) -> tuple[NDArray[np.int64], Array]:
-    """The triangles (f, 3, 3) leaf by leaf and the nodes above them, split at medians along the longest axis."""
+    """Triangles (f, 3, 3), or points (n, 1, 3), leaf by leaf and the nodes above them.
+
+    Split at medians along the longest axis.
+    """
     low, high = corners.min(axis=1), corners.max(axis=1)
     middle = low + high
     order = np.arange(len(corners))
-    parts = [(0, len(corners))]
-    nodes: list[tuple[float, ...]] = []
-    for first, last in parts:  # grows as it goes
-        part = order[first:last]
-        least, most = low[part].min(axis=0), high[part].max(axis=0)
-        if last - first <= LEAF_SIZE:
-            nodes.append((*least, *most, first, last - first))
-            continue
-        half = (last - first) // 2
-        order[first:last] = part[np.argpartition(middle[part, (most - least).argmax()], half)]
-        nodes.append((*least, *most, len(parts), 0))
-        parts += [(first, first + half), (first + half, last)]
-    return order, np.array(nodes).reshape(-1, NODE_COLUMNS)
+    first, last = np.array([0]), np.array([len(corners)])
+    levels: list[Array] = []
+    count = 1
+    while first.size:
+        bounds = np.stack((first, last), axis=1).ravel()[: -1 if last[-1] == len(order) else None]
+        least, most = (f.reduceat(a[order], bounds)[::2] for f, a in ((np.minimum, low), (np.maximum, high)))
+        parted = last - first > LEAF_SIZE
+        child = count + 2 * np.cumsum(parted) - 2
+        pair = np.where(parted[:, None], np.stack((child, 0 * child), axis=1), np.stack((first, last - first), axis=1))
+        levels.append(np.concatenate((least, most, pair), axis=1))
+        count += 2 * int(parted.sum())
+        axis = (most - least).argmax(axis=1)[parted]
+        first, last = first[parted], last[parted]
+        sizes = last - first
+        part = np.repeat(np.arange(first.size), sizes)
+        places = np.arange(part.size) + np.repeat(first - np.cumsum(sizes) + sizes, sizes)
+        inside = order[places]
+        order[places] = inside[np.lexsort((middle[inside, axis[part]], part))]
+        half = first + sizes // 2
+        first, last = np.stack((first, half), axis=1).ravel(), np.stack((half, last), axis=1).ravel()
+    return order, np.concatenate(levels).reshape(-1, NODE_COLUMNS)

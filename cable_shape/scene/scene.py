@@ -14,13 +14,14 @@ from cable_shape.errors import ArgumentError
 from cable_shape.files.files import path_of
 from cable_shape.pose import Pose, pose_entry
 from cable_shape.scene.plug import Plug
+from cable_shape.scene.points import HeightField, Points
 from cable_shape.scene.scene_files import allow_entry, clip_entry, keywords_of, mass_entry, obstacle_entry, plug_entry
 from cable_shape.scene.scene_parts import CLIP_KINDS, Allow, Clip, Obstacle, PointMass, clip_names
 from cable_shape.scene.solids import Box, Capsule, Cylinder, HalfSpace, Mesh, Solid, Sphere
 
 __all__ = [
-    "CLIP_KINDS", "CONTACT_KINDS", "SCENE_KEYS", "Allow", "Box", "Capsule", "Clip", "Cylinder", "HalfSpace", "Mesh",
-    "Obstacle", "PointMass", "Scene", "Solid", "Sphere",
+    "CLIP_KINDS", "CONTACT_KINDS", "SCENE_KEYS", "Allow", "Box", "Capsule", "Clip", "Cylinder", "HalfSpace",
+    "HeightField", "Mesh", "Obstacle", "PointMass", "Points", "Scene", "Solid", "Sphere",
 ]  # fmt: skip
 
 CONTACT_KINDS = ("off", "warn", "solve")

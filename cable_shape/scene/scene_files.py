@@ -12,6 +12,8 @@ One entry a list item; exactly one of the solids in an obstacle::
       - {name: rail, capsule: {radius: 0.01, length: 0.4}, quaternion: [0, 0.7071, 0, 0.7071]}
       - {name: floor, half_space: true, position: [0, 0, -0.75]}
       - {name: fixture, mesh: fixture.stl, scale: 0.001}
+      - {name: scan, points: {file: scan.xyz, radius: 0.004}, scale: 0.001}   # or vertices in place of file
+      - {name: ground, height_field: {file: ground.csv, spacing: 0.01}}       # or heights; radius may be given
       - {name: camera, box: [0.03, 0.09, 0.03], position: [0, 0.06, 0], link: left_tool}
     clips:
       - {arc_length: 0.5, position: [0.5, 0, 0.3], quaternion: [0, 0, 0, 1], kind: ball, name: guide}
@@ -36,10 +38,20 @@ from cable_shape.errors import ArgumentError
 from cable_shape.files.files import path_of
 from cable_shape.pose import Pose, pose_entry
 from cable_shape.scene.plug import Plug
+from cable_shape.scene.points import HeightField, Points
 from cable_shape.scene.scene_parts import Allow, Clip, Obstacle, PointMass
 from cable_shape.scene.solids import Box, Capsule, Cylinder, HalfSpace, Mesh, Solid, Sphere
 
-SOLID_KEYS = ("box", "sphere", "cylinder", "capsule", "half_space", "mesh")
+SOLID_KEYS = ("box", "sphere", "cylinder", "capsule", "half_space", "mesh", "points", "height_field")
+#: Solids that may come from a file, and so be in another unit.
+FILED = ("mesh", "points", "height_field")
+
+#: How solids are written without a file.
+_WRITTEN_OUT = {
+    "mesh": "Write mesh: {vertices: .., faces: ..}.",
+    "points": "Write points: {vertices: .., radius: ..}.",
+    "height_field": "Write height_field: {heights: .., spacing: ..}.",
+}
 
 
 def keywords_of(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
@@ -79,9 +91,10 @@ def part_of(values: Any, where: str) -> Obstacle | Clip | PointMass:
     """
     if not isinstance(values, Mapping):
         raise ArgumentError.of(where, values, "it must be a mapping", "Write {name: post, sphere: 0.03, position: ..}.")
-    if isinstance(values.get("mesh"), str):
-        bound, remedy = "no file is read for an edit", "Write mesh: {vertices: .., faces: ..}."
-        raise ArgumentError.of(f"{where}: mesh", values["mesh"], bound, remedy)
+    for key, remedy in _WRITTEN_OUT.items():
+        given = values.get(key)
+        if isinstance(given, str) or (isinstance(given, Mapping) and "file" in given):
+            raise ArgumentError.of(f"{where}: {key}", given, "no file is read for an edit", remedy)
     if "mass" in values:
         return _named(where, values, _mass)  # type: ignore[no-any-return]
     if "arc_length" in values:
@@ -115,8 +128,9 @@ def _obstacle(values: Mapping[str, Any], where: str, folder: Path) -> Obstacle:
     given = [key for key in SOLID_KEYS if key in values]
     if len(given) != 1:
         raise ArgumentError.of("solid", given, "exactly one must be given", f"Keep one of {', '.join(SOLID_KEYS)}.")
-    if "scale" in values and given[0] != "mesh":
-        raise ArgumentError.of("scale", values["scale"], "only a mesh has one", "Remove it.")
+    if "scale" in values and given[0] not in FILED:
+        bound = f"only {', '.join(FILED)} have one"
+        raise ArgumentError.of("scale", values["scale"], bound, "Remove it.")
     solid = _solid(given[0], values[given[0]], where, folder, values.get("scale", 1.0))
     return Obstacle(values["name"], solid, _pose(values), values.get("link"), values.get("friction", 0.0))
 
@@ -137,6 +151,10 @@ def _solid(kind: str, value: Any, where: str, folder: Path, scale: Any) -> Solid
         if value is not True:
             raise ArgumentError.of(kind, value, "it takes no size", "Write half_space: true; z <= 0 is solid.")
         return HalfSpace()
+    if kind == "points":
+        return _points(value, where, folder, scale)
+    if kind == "height_field":
+        return _height_field(value, where, folder, scale)
     if isinstance(value, Mapping):
         checks.known_keys(f"{where}: mesh", value, ("vertices", "faces"))
         factor = checks.number("scale", scale, above=0.0)
@@ -145,6 +163,40 @@ def _solid(kind: str, value: Any, where: str, folder: Path, scale: Any) -> Solid
     if not isinstance(value, str):
         raise ArgumentError.of("mesh", value, "it must be a path", "Name an STL or OBJ file, from the scene's folder.")
     return Mesh.from_file(folder / path_of(value, "mesh"), scale)
+
+
+def _points(value: Any, where: str, folder: Path, scale: Any) -> Points:
+    told = checks.mapping("points", value, ("file", "vertices", "radius"), "Write points: {file: .., radius: ..}.")
+    own = _either(told, "points", "file", "vertices")
+    if "radius" not in told:
+        raise ArgumentError("points: the key 'radius' is missing. Write the radius of a sphere around each, in m.")
+    if own == "file":
+        return Points.from_file(folder / path_of(told["file"], "points"), told["radius"], scale)
+    factor = checks.number("scale", scale, above=0.0)
+    made = Points(told["vertices"], told["radius"])
+    return made if factor == 1.0 else Points(made.points * factor, made.radius)
+
+
+def _height_field(value: Any, where: str, folder: Path, scale: Any) -> HeightField:
+    remedy = "Write height_field: {file: .., spacing: ..}."
+    told = checks.mapping("height_field", value, ("file", "heights", "spacing", "radius"), remedy)
+    own = _either(told, "height_field", "file", "heights")
+    if "spacing" not in told:
+        raise ArgumentError("height_field: the key 'spacing' is missing. Write how far heights are apart, in m.")
+    if own == "file":
+        file = folder / path_of(told["file"], "height_field")
+        return HeightField.from_file(file, told["spacing"], told.get("radius"), scale)
+    factor = checks.number("scale", scale, above=0.0)
+    made = HeightField(told["heights"], told["spacing"], told.get("radius"))
+    return made if factor == 1.0 else HeightField(made.heights * factor, made.spacing, made.radius)
+
+
+def _either(told: Mapping[str, Any], kind: str, file: str, table: str) -> str:
+    """Which of the two keys is given; just one may be."""
+    given = [key for key in (file, table) if key in told]
+    if len(given) != 1:
+        raise ArgumentError.of(kind, given, "exactly one must be given", f"Keep one of {file}, {table}.")
+    return given[0]
 
 
 def _clip(values: Mapping[str, Any], where: str) -> Clip:
@@ -235,6 +287,11 @@ def _solid_entry(solid: Solid) -> dict[str, Any]:
         return {"sphere": solid.radius}
     if isinstance(solid, HalfSpace):
         return {"half_space": True}
+    if isinstance(solid, Points):
+        return {"points": {"vertices": solid.points.tolist(), "radius": solid.radius}}
+    if isinstance(solid, HeightField):
+        entry = {"heights": solid.heights.tolist(), "spacing": solid.spacing, "radius": solid.radius}
+        return {"height_field": entry}
     if isinstance(solid, Mesh):
         return {"mesh": {"vertices": solid.vertices.tolist(), "faces": solid.faces.tolist()}}
     kind = "cylinder" if isinstance(solid, Cylinder) else "capsule"

@@ -1,4 +1,6 @@
-"""Solid bodies, each in a frame of its own: boxes, spheres, cylinders, capsules, half-spaces and meshes."""
+"""Solid bodies, each in a frame of its own: boxes, spheres, cylinders, capsules, half-spaces and meshes.
+
+Those of many points are in `points`."""
 
 from __future__ import annotations
 
@@ -13,6 +15,7 @@ from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.scene.mesh_files import MAX_FACES, read_triangles
+from cable_shape.scene.points import HeightField, Points
 
 
 @final
@@ -153,8 +156,8 @@ class Mesh:
         return f"Mesh({len(self.vertices)} vertices, {len(self.faces)} faces)"
 
 
-Solid = Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh
-SOLIDS = (Box, Sphere, Cylinder, Capsule, HalfSpace, Mesh)
+Solid = Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh | Points | HeightField
+SOLIDS = (Box, Sphere, Cylinder, Capsule, HalfSpace, Mesh, Points, HeightField)
 
 
 def _positive(solid: Any, *names: str) -> None:

@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from cable_shape.cable.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Pose
 from cable_shape.safety.report import WarningKind
-from cable_shape.scene.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Solid, Sphere
+from cable_shape.scene.scene import (
+    Box,
+    Capsule,
+    Cylinder,
+    HalfSpace,
+    HeightField,
+    Mesh,
+    Obstacle,
+    Points,
+    Scene,
+    Solid,
+    Sphere,
+)
 from cable_shape.shape import CableShape
 
 Colour = tuple[int, int, int, int]
@@ -122,6 +135,8 @@ def surface_distance(solid: Solid, pose: Pose, points: Array) -> Array:
         half = 0.5 * solid.length
         local[:, 2] -= np.clip(local[:, 2], -half, half)
         return np.asarray(np.linalg.norm(local, axis=1) - solid.radius)
+    if isinstance(solid, (Points, HeightField)):
+        return np.asarray(_centres(solid).query(local)[0] - solid.radius)
     if isinstance(solid, Mesh):
         return np.full(len(points), np.inf)
     if isinstance(solid, Box):
@@ -130,6 +145,12 @@ def surface_distance(solid: Solid, pose: Pose, points: Array) -> Array:
         beyond = _beyond_cylinder(solid, local)
     outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
     return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0))
+
+
+@lru_cache(maxsize=16)
+def _centres(solid: Points | HeightField) -> KDTree:
+    """The centres of its spheres."""
+    return KDTree(solid.centres)
 
 
 def _beyond_cylinder(solid: Cylinder, local: Array) -> Array:

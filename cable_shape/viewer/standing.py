@@ -8,7 +8,7 @@ import rerun as rr
 
 from cable_shape.pose import Pose
 from cable_shape.prediction.layout import Layout
-from cable_shape.scene.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Solid, Sphere
+from cable_shape.scene.scene import Box, Capsule, Cylinder, HalfSpace, HeightField, Mesh, Points, Solid, Sphere
 from cable_shape.viewer import colour as colours
 from cable_shape.viewer.columns import Columns
 from cable_shape.viewer.plots import part, path
@@ -101,10 +101,13 @@ def shown(solid: Solid, colour: colours.Colour) -> Any:
         half = (0.5 * FLOOR_SIZE, 0.5 * FLOOR_SIZE, 0.5 * FLOOR_THICKNESS)
         low = (0.0, 0.0, -half[2] - FLOOR_GAP)
         return rr.Boxes3D(half_sizes=[half], centers=[low], colors=colour, fill_mode=fill)
-    assert isinstance(solid, Mesh)
+    if isinstance(solid, Points):
+        return rr.Points3D(solid.points, radii=solid.radius, colors=colour)
+    assert isinstance(solid, (Mesh, HeightField))
+    vertices, faces = (solid.vertices, solid.faces) if isinstance(solid, Mesh) else solid.surface()
     return rr.Mesh3D(
-        vertex_positions=solid.vertices,
-        triangle_indices=solid.faces,
+        vertex_positions=vertices,
+        triangle_indices=faces,
         albedo_factor=colour,
         face_rendering=rr.components.MeshFaceRendering.DoubleSided,
     )

@@ -210,6 +210,13 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
     "Capsule": (cs.Capsule, {"radius": 1, "length": 1}),
     "HalfSpace": (cs.HalfSpace, {}),
     "Mesh": (cs.Mesh, {"vertices": np.eye(3), "faces": [[0, 1, 2]]}),
+    "Points": (cs.Points, {"points": np.eye(3), "radius": 0.01}),
+    "Points.from_file": (cs.Points.from_file, {"path": "nowhere.xyz", "radius": 0.01, "scale": 1.0}),
+    "HeightField": (cs.HeightField, {"heights": np.eye(3), "spacing": 0.01, "radius": 0.01}),
+    "HeightField.from_file": (
+        cs.HeightField.from_file,
+        {"path": "nowhere.csv", "spacing": 0.01, "radius": 0.01, "scale": 1.0},
+    ),
     "Mesh.from_file": (cs.Mesh.from_file, {"path": "nowhere.stl", "scale": 1.0}),
     "Obstacle": (cs.Obstacle, {"name": "a", "solid": cs.Sphere(1), "pose": START, "link": None, "friction": 0.1}),
     "Clip": (cs.Clip, {"arc_length": 0.1, "pose": START, "kind": "slide", "friction": 0.2}),

@@ -186,7 +186,7 @@ def test_unknown_keys_name_the_nearest():
         ({"obstacles": [{"sphere": 1.0}]}, ("obstacles[0]", "'name' is missing")),
         ({"obstacles": [{"name": "a", "cylinder": {"radius": 1.0}}]}, ("'length' is missing",)),
         ({"obstacles": [{"name": "a", "half_space": 3}]}, ("half_space: true",)),
-        ({"obstacles": [{"name": "a", "sphere": 1.0, "scale": 2.0}]}, ("only a mesh",)),
+        ({"obstacles": [{"name": "a", "sphere": 1.0, "scale": 2.0}]}, ("only mesh, points, height_field",)),
         ({"obstacles": [{"name": "a", "mesh": "nowhere.stl"}]}, ("obstacles[0] (a)", "nowhere.stl", "no such file")),
         ({"obstacles": [{"name": "a", "mesh": "part.step"}]}, (".stl and .obj",)),
         ({"obstacles": [{"name": "a", "sphere": 1.0, "quaternion": [0, 0, 0, 0]}]}, ("quaternion", "length is 0")),

@@ -20,7 +20,8 @@ import math
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.distance.distance import HALF_SPACE
-from cable_shape.kernels.distance.surface import FLAT, reach_of, touch
+from cable_shape.kernels.distance.spheres import FLAT
+from cable_shape.kernels.distance.surface import reach_of, touch
 from cable_shape.kernels.network.compiled import viewing
 from cable_shape.kernels.rod_algebra import (
     Vector,

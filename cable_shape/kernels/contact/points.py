@@ -269,7 +269,7 @@ def nearest_bound(
     """
     at = on_curve(h, 0.5, p, q, tp, tq)
     d, n, _ = touch(bodies.table[b], bodies.frames[b], bodies.triangles, bodies.tree, at, NONE, False, bodies.stack)
-    if int(bodies.table[b, 0]) == MESH:
+    if int(bodies.table[b, 0]) >= MESH:
         return d - thick, -math.inf
     low = min(dot(n, p), dot(n, q), dot(n, p) + h / 3.0 * dot(n, tp), dot(n, q) - h / 3.0 * dot(n, tq))
     return d - thick, d - thick + low - dot(n, at)

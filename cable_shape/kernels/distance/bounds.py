@@ -5,9 +5,10 @@ which gives all bounds: for a sphere around the whole cable, for spheres around 
 length h between points at distances d_i and d_j, nowhere nearer than (d_i + d_j - h) / 2. The distance to a convex
 body is convex along a piece besides, so that the tangents at its two ends bound it more closely.
 
-A row of the table of bodies (18,): kind | sizes a, b, c | pose: position, quaternion x y z w, in the world or in the
-link | row of the link, -1 for the world | 1 if left out near the grips | mesh: first node, 0 if open, 1
-if closed or half its least thickness [m] | mesh: centre of its box, of which the sizes are the half edges.
+A row of the table of bodies (20,): kind | sizes a, b, c | pose: position, quaternion x y z w, in the world or in the
+link | row of the link, -1 for the world | 1 if left out near the grips | mesh: first node, 0 if open, 1 if closed or
+half its least thickness [m] | mesh: centre of its box, of which the sizes are the half edges | two of spheres.
+Of spheres, see `spheres`: first node, radius [m] | centre of their box | D [m], 0: exact | how far they are apart [m].
 """
 
 from __future__ import annotations
@@ -18,7 +19,15 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.distance.distance import MESH, box_distance, least_between, nearest_on_segment, signed_distance
+from cable_shape.kernels.distance.distance import (
+    MESH,
+    SPHERES,
+    box_distance,
+    least_between,
+    nearest_on_segment,
+    signed_distance,
+)
+from cable_shape.kernels.distance.spheres import spheres_point, spheres_segment
 from cable_shape.kernels.distance.triangles import (
     SLACK,
     STACK_SIZE,
@@ -28,7 +37,7 @@ from cable_shape.kernels.distance.triangles import (
     nearest_on_triangle,
 )
 
-BODY_COLUMNS = 18
+BODY_COLUMNS = 20
 RESULT_COLUMNS = 8  # distance (infinite: beyond the horizon), arc length, point on cable (3), point on body (3)
 CHUNK = 8  # pieces of the cable in one bounding sphere
 
@@ -109,8 +118,8 @@ def _closest_to_body(
     """The closest point of the cable between the arc lengths low and high; `reach` [m] bounds the centreline's."""
     pieces = positions.shape[0] - 1
     chunks = spheres.shape[0] - 1
-    kind, root, closed = int(body[0]), int(body[13]), body[14] != 0.0
-    mesh = kind == MESH
+    kind = int(body[0])
+    mesh = kind >= MESH
     total = pieces
     if low > arc_length[0] or high < arc_length[pieces]:
         total = 0
@@ -137,7 +146,7 @@ def _closest_to_body(
             continue
         if cull and mesh:
             x, y, z = into_body(frame, spheres[k, 0], spheres[k, 1], spheres[k, 2])
-            d, _, _, _ = mesh_point(triangles, nodes, root, closed, x, y, z, np.inf, cull, stack)
+            d, _, _, _ = tree_point(body, triangles, nodes, x, y, z, np.inf, cull, stack)
             if d - spheres[k, 3] > known + SLACK:
                 continue
         # distances of the chunk's points, in the body's frame
@@ -150,9 +159,7 @@ def _closest_to_body(
             within = np.inf
             for i in range(last - first + 1):
                 p = local[i]
-                p[3], p[4], p[5], p[6] = mesh_point(
-                    triangles, nodes, root, closed, p[0], p[1], p[2], within, cull, stack
-                )
+                p[3], p[4], p[5], p[6] = tree_point(body, triangles, nodes, p[0], p[1], p[2], within, cull, stack)
                 within = abs(p[3]) + _length(p, local[i + 1]) if i < last - first else within
         for i in range(first, last + 1):
             if low <= arc_length[i] <= high:
@@ -201,6 +208,17 @@ def on_solid(body: Array, p: Array, q: Array, t0: float, t1: float) -> tuple[flo
 
 
 @kernel
+def tree_point(
+    body: Array, triangles: Array, nodes: Array, x: float, y: float, z: float, reach: float, cull: bool, stack: Indices
+) -> tuple[float, float, float, float]:
+    """As `mesh_point`, for a mesh or spheres; reach [m] bounds the distance to a mesh."""
+    if body[0] == SPHERES:
+        d, nx, ny, nz, _ = spheres_point(body, triangles, nodes, x, y, z, False, stack)
+        return d, nx, ny, nz
+    return mesh_point(triangles, nodes, int(body[13]), body[14] != 0.0, x, y, z, reach, cull, stack)
+
+
+@kernel
 def on_mesh(
     body: Array,
     triangles: Array,
@@ -213,16 +231,25 @@ def on_mesh(
     cull: bool,
     stack: Indices,
 ) -> tuple[float, float, float, float, float]:
-    """As `on_solid`, for a mesh; inside a closed one at the ends only. An infinite distance: beyond `reach` [m]."""
-    root, closed = int(body[13]), body[14] != 0.0
+    """As `on_solid`, for a mesh or spheres; inside a closed one at the ends only.
+
+    An infinite distance: beyond `reach` [m].
+    """
+    root = int(body[13])
     dx, dy, dz = (t1 - t0) * (q[0] - p[0]), (t1 - t0) * (q[1] - p[1]), (t1 - t0) * (q[2] - p[2])
     x, y, z = p[0] + t0 * (q[0] - p[0]), p[1] + t0 * (q[1] - p[1]), p[2] + t0 * (q[2] - p[2])
     d, nx, ny, nz = p[3], p[4], p[5], p[6]
     if t0 > 0.0:
-        d, nx, ny, nz = mesh_point(triangles, nodes, root, closed, x, y, z, np.inf, cull, stack)
+        d, nx, ny, nz = tree_point(body, triangles, nodes, x, y, z, np.inf, cull, stack)
     e, ex, ey, ez = q[3], q[4], q[5], q[6]
     if t1 < 1.0:
-        e, ex, ey, ez = mesh_point(triangles, nodes, root, closed, x + dx, y + dy, z + dz, np.inf, cull, stack)
+        e, ex, ey, ez = tree_point(body, triangles, nodes, x + dx, y + dy, z + dz, np.inf, cull, stack)
+    if body[0] == SPHERES:
+        t, _ = spheres_segment(triangles, nodes, root, x, y, z, dx, dy, dz, np.inf, cull, stack)
+        f, fx, fy, fz = tree_point(body, triangles, nodes, x + t * dx, y + t * dy, z + t * dz, np.inf, cull, stack)
+        if f <= d and f <= e:
+            return t0 + t * (t1 - t0), f, fx, fy, fz
+        return (t0, d, nx, ny, nz) if d <= e else (t1, e, ex, ey, ez)
     if d < 0.0 or e < 0.0:
         if d <= e:
             return t0, d, nx, ny, nz
@@ -241,7 +268,7 @@ def on_mesh(
 @kernel(forceinline=True)
 def least_on_piece(body: Array, p: Array, q: Array) -> float:
     """A lower bound on the signed distance between two points, from the distances and gradients there."""
-    if body[0] == MESH:
+    if body[0] >= MESH:
         return 0.5 * (p[3] + q[3] - _length(p, q))
     dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
     p_slope, q_slope = p[4] * dx + p[5] * dy + p[6] * dz, q[4] * dx + q[5] * dy + q[6] * dz
@@ -252,7 +279,7 @@ def least_on_piece(body: Array, p: Array, q: Array) -> float:
 def _bound(body: Array, frame: Array, sphere: Array) -> float:
     """A lower bound on the signed distance anywhere in a sphere (centre, radius); a mesh is inside its box."""
     x, y, z = into_body(frame, sphere[0], sphere[1], sphere[2])
-    if body[0] == MESH:
+    if body[0] >= MESH:
         d, _, _, _ = box_distance(body[1], body[2], body[3], x - body[15], y - body[16], z - body[17])
     else:
         d, _, _, _ = signed_distance(int(body[0]), body[1], body[2], body[3], x, y, z)

@@ -14,7 +14,7 @@ import math
 
 from cable_shape.kernels._jit import kernel
 
-BOX, SPHERE, CYLINDER, CAPSULE, HALF_SPACE, MESH = 0, 1, 2, 3, 4, 5
+BOX, SPHERE, CYLINDER, CAPSULE, HALF_SPACE, MESH, SPHERES = 0, 1, 2, 3, 4, 5, 6  # from MESH on those with a tree
 
 #: [m] The search ends when the least distance is known to within this, after some 5 steps; every third step halves
 #: the bracket, so that 150 steps reach the rounding of float64 in the worst case.

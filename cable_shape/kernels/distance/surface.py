@@ -18,11 +18,20 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.distance.bounds import into_body, place_body
-from cable_shape.kernels.distance.distance import BOX, CAPSULE, CYLINDER, HALF_SPACE, MESH, SPHERE, signed_distance
+from cable_shape.kernels.distance.distance import (
+    BOX,
+    CAPSULE,
+    CYLINDER,
+    HALF_SPACE,
+    MESH,
+    SPHERE,
+    SPHERES,
+    signed_distance,
+)
+from cable_shape.kernels.distance.spheres import FLAT, across, spheres_point
 from cable_shape.kernels.distance.triangles import CORNER_A, FACE, mesh_point, mesh_segment, nearest_on_triangle
 from cable_shape.kernels.rod_algebra import Matrix, Vector, mscale, mul, tmul
 
-FLAT = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 SHARPEST = 1e-4  # [m] radius below which an edge or a corner is not taken to be curved more
 
 
@@ -32,16 +41,6 @@ def place_bodies(bodies: Array, links: Array, frames: Array) -> None:
     for m in range(bodies.shape[0]):
         if int(bodies[m, 11]) < links.shape[0]:
             place_body(bodies[m, 4:11], links, int(bodies[m, 11]), frames[m])
-
-
-@kernel(forceinline=True)
-def across(nx: float, ny: float, nz: float, f: float) -> Matrix:
-    """f (I - n n^T)."""
-    return (
-        f * (1.0 - nx * nx), -f * nx * ny, -f * nx * nz,
-        -f * nx * ny, f * (1.0 - ny * ny), -f * ny * nz,
-        -f * nx * nz, -f * ny * nz, f * (1.0 - nz * nz),
-    )  # fmt: skip
 
 
 @kernel(forceinline=True)
@@ -155,7 +154,9 @@ def touch(
     x, y, z = into_body(frame, at[0], at[1], at[2])
     H = FLAT
     remembered = side[0] != 0.0 or side[1] != 0.0 or side[2] != 0.0
-    if kind == MESH:
+    if kind == SPHERES:
+        d, nx, ny, nz, H = spheres_point(body, triangles, nodes, x, y, z, curved, stack)
+    elif kind == MESH:
         if curved:
             d, nx, ny, nz, H = mesh_surface(body, triangles, nodes, x, y, z, stack)
         else:
@@ -204,6 +205,8 @@ def reach_of(body: Array) -> float:
         return math.inf
     if kind in (SPHERE, CAPSULE):
         return body[1]
+    if kind == SPHERES:
+        return body[14]
     if kind == CYLINDER:
         return min(body[1], body[2])
     if kind == MESH:

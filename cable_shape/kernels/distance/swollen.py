@@ -11,9 +11,9 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.distance.bounds import into_body, least_on_piece, on_mesh, on_solid, place_body
+from cable_shape.kernels.distance.bounds import into_body, least_on_piece, on_mesh, on_solid, place_body, tree_point
 from cable_shape.kernels.distance.distance import MESH, signed_distance
-from cable_shape.kernels.distance.triangles import STACK_SIZE, mesh_point
+from cable_shape.kernels.distance.triangles import STACK_SIZE
 
 
 @kernel
@@ -33,8 +33,7 @@ def closest_points(
         if result[m, 0] == math.inf:
             continue
         body = bodies[m]
-        mesh = body[0] == MESH
-        root, closed = int(body[13]), body[14] != 0.0
+        mesh = body[0] >= MESH
         place_body(body[4:11], links, int(body[11]), frame)
         low, high = -math.inf, math.inf
         if body[12] != 0.0:
@@ -45,9 +44,7 @@ def closest_points(
             p, q = local[(i + 1) % 2], local[i % 2]
             q[0], q[1], q[2] = into_body(frame, positions[i, 0], positions[i, 1], positions[i, 2])
             if mesh:
-                q[3], q[4], q[5], q[6] = mesh_point(
-                    triangles, nodes, root, closed, q[0], q[1], q[2], math.inf, True, stack
-                )
+                q[3], q[4], q[5], q[6] = tree_point(body, triangles, nodes, q[0], q[1], q[2], math.inf, True, stack)
             else:
                 q[3], q[4], q[5], q[6] = signed_distance(int(body[0]), body[1], body[2], body[3], q[0], q[1], q[2])
             if i == 0 or arc_length[i - 1] >= high or arc_length[i] <= low:

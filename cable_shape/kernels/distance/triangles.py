@@ -132,7 +132,7 @@ def segment_triangle(
 
 
 @kernel
-def _to_box(nodes: Array, node: int, x: float, y: float, z: float) -> float:
+def to_box(nodes: Array, node: int, x: float, y: float, z: float) -> float:
     """Squared distance of a point to the box of a node, 0 inside."""
     ex = max(nodes[node, 0] - x, x - nodes[node, 3], 0.0)
     ey = max(nodes[node, 1] - y, y - nodes[node, 4], 0.0)
@@ -141,10 +141,10 @@ def _to_box(nodes: Array, node: int, x: float, y: float, z: float) -> float:
 
 
 @kernel
-def _push_children(nodes: Array, first: int, x: float, y: float, z: float, stack: Indices, depth: int) -> int:
+def push_children(nodes: Array, first: int, x: float, y: float, z: float, stack: Indices, depth: int) -> int:
     """Puts node `first` and the next one on the stack, the one nearer to (x, y, z) on top; the new depth."""
     near, far = first, first + 1
-    if _to_box(nodes, far, x, y, z) < _to_box(nodes, near, x, y, z):
+    if to_box(nodes, far, x, y, z) < to_box(nodes, near, x, y, z):
         near, far = far, near
     stack[depth], stack[depth + 1] = far, near
     return depth + 2
@@ -175,11 +175,11 @@ def mesh_point(
     while depth > 0:
         depth -= 1
         node = stack[depth]
-        if cull and _to_box(nodes, node, x, y, z) > limit:
+        if cull and to_box(nodes, node, x, y, z) > limit:
             continue
         first, number = int(nodes[node, 6]), int(nodes[node, 7])
         if number == 0:
-            depth = _push_children(nodes, first, x, y, z, stack, depth)
+            depth = push_children(nodes, first, x, y, z, stack, depth)
             continue
         for i in range(first, first + number):
             rx, ry, rz, feature = nearest_on_triangle(triangles[i], x, y, z)
@@ -199,7 +199,7 @@ def mesh_point(
 
 
 @kernel
-def _segment_to_box(nodes: Array, node: int, px: float, py: float, pz: float, dx: float, dy: float, dz: float) -> float:
+def segment_to_box(nodes: Array, node: int, px: float, py: float, pz: float, dx: float, dy: float, dz: float) -> float:
     """A lower bound on the distance of p + t d, t in [0, 1], to the box of a node, from the tangents at its ends."""
     a, b, c = (
         0.5 * (nodes[node, 3] - nodes[node, 0]),
@@ -238,11 +238,11 @@ def mesh_segment(
     while depth > 0:
         depth -= 1
         node = stack[depth]
-        if cull and _segment_to_box(nodes, node, px, py, pz, dx, dy, dz) > limit:
+        if cull and segment_to_box(nodes, node, px, py, pz, dx, dy, dz) > limit:
             continue
         first, number = int(nodes[node, 6]), int(nodes[node, 7])
         if number == 0:
-            depth = _push_children(nodes, first, px, py, pz, stack, depth)
+            depth = push_children(nodes, first, px, py, pz, stack, depth)
             continue
         for i in range(first, first + number):
             t, square = segment_triangle(triangles[i], px, py, pz, dx, dy, dz)

@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels.contact.tables import Bodies
-from cable_shape.kernels.distance import bounds, surface
+from cable_shape.kernels.distance import bounds, distance, surface
 from cable_shape.kernels.distance.triangles import STACK_SIZE
 from cable_shape.pose import Pose
 from cable_shape.scene.body_tables import body_tables, link_rows
@@ -19,6 +19,12 @@ from cable_shape.scene.mesh_parts import divided
 from cable_shape.scene.scene import Mesh, Obstacle
 
 HORIZON = 0.02  #: [m] bodies further away are only bounded
+
+
+def _dents(table: Array) -> Array:
+    """(m,) [m], how deep a cable could lie between the spheres of each body, the middle of four of a lattice."""
+    deep = np.minimum(0.5 * table[:, 19] ** 2, table[:, 18] ** 2)
+    return np.where(table[:, 18] > 0.0, table[:, 18] - np.sqrt(table[:, 18] ** 2 - deep), 0.0)
 
 
 @final
@@ -65,6 +71,9 @@ class TouchBodies:
         for row, body in zip(self._tables[0], self._rows, strict=True):
             if isinstance(body.solid, Mesh):
                 row[14] = half_thickness(body.solid)
+            elif row[0] == distance.SPHERES and row[19] > 0.0:
+                row[18] = row[14] + radius
+        self._off = np.maximum(self._off, _dents(self._tables[0]))
         self._origins = self._tables[0][:, 4:7].copy()
         self.rough: Array = np.array([body.friction for body in self._rows])
         self._fixed = sum(body.link is None for body in self._rows)
