@@ -33,47 +33,58 @@ def rubbed(shape):
 
 
 def on_post(friction, degrees, stretch=2.0, axial=500.0):
-    """A limp cable drawn around a post by this angle, and what holds it `pull` further to one side."""
+    """A limp cable wound around a post by this angle, as a helix, and what holds it `pull` further to one side."""
     cable = cs.Cable(1.0, 0.01, 1e-6, diameter=2.0 * RADIUS, axial_stiffness=axial)
     along_y = cs.Pose((0.0, 0.0, 0.0), (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)))
-    post = cs.Obstacle("post", cs.Cylinder(POST, 0.5), along_y, friction=friction)
-    predictor = cs.Predictor(cable, scene=cs.Scene(obstacles=[post], contact="solve"))
+    smooth, rough = (
+        cs.Scene(obstacles=[cs.Obstacle("post", cs.Cylinder(POST, 0.5), along_y, friction=mu)], contact="solve")
+        for mu in (0.0, friction)
+    )
+    predictor = cs.Predictor(cable, scene=smooth)
     r = POST + RADIUS
+    rise = 3.0 * cable.diameter / (2.0 * math.pi)  # along the post, an angle of one: turns lie side by side
 
     def ends(first, last, pull):
         free = 0.5 * (1.0 + stretch / axial - r * (first - last))
-        out = np.array((-math.sin(first), 0.0, math.cos(first))), np.array((math.sin(last), 0.0, -math.cos(last)))
         touch = np.array((math.cos(first), 0.0, math.sin(first))), np.array((math.cos(last), 0.0, math.sin(last)))
+        out = (
+            np.array((-math.sin(first), rise / r, math.cos(first))),
+            np.array((math.sin(last), -rise / r, -math.cos(last))),
+        )
+        aside = np.array((0.0, 0.5 * rise * (first - last), 0.0))
         quaternion = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
-        places = r * touch[0] + (free + pull) * out[0], r * touch[1] + (free - pull) * out[1]
+        places = r * touch[0] + aside + (free + pull) * out[0], r * touch[1] - aside + (free - pull) * out[1]
         return [cs.Grip(cs.Pose(place, quaternion), kind="pinned") for place in places]
 
     half = 0.5 * math.pi
     wound = math.radians(degrees)
-    for x in np.linspace(0.0, 1.0, 41):
+    for x in np.linspace(0.0, 1.0, 41 if degrees <= 180 else 81):
         shape = predictor.predict(*ends(half + (wound - half) * x, half - half * x, 0.0))
-        assert shape.usable, (x, shape)
+    assert shape.usable, shape
+    predictor.scene = rough
     return predictor, lambda pull: ends(wound, 0.0, pull)
 
 
-@pytest.mark.parametrize(("friction", "degrees"), [(0.1, 100), (0.1, 180), (0.2, 180), (0.4, 180)])
+@pytest.mark.parametrize(
+    ("friction", "degrees"),
+    [(0.1, 45), (0.4, 45), (0.1, 180), (0.2, 180), (0.4, 180), (0.4, 270), (0.1, 360), (0.2, 360)],
+)
 def test_a_limp_cable_that_slips_round_a_post_is_a_capstan(friction, degrees):
+    """exp(mu times the integral of its curvature), once the larger tension grows no more."""
     predictor, ends = on_post(friction, degrees)
     found = []
-    for pull in np.arange(1, 31) * 5e-4:
+    for pull in np.arange(1, 21) * 5e-4:
         shape = predictor.predict(*ends(pull))
         assert shape.usable, (pull, shape)
         contacts = shape.contacts
-        if sum(contact.slips for contact in contacts) < 0.97 * len(contacts):
-            continue
         # beyond the layer in which the cable, next to its first contact, still bends
         before = np.searchsorted(shape.arc_length, contacts[0].arc_length) - 2
         after = np.searchsorted(shape.arc_length, contacts[-1].arc_length) + 1
         tight, slack = (float(np.linalg.norm(shape.force[k])) for k in (before, after))
-        angle = math.acos(np.clip(shape.tangents[before] @ shape.tangents[after], -1.0, 1.0))
-        found.append(tight / slack / math.exp(friction * angle))
-    assert len(found) >= 3
-    np.testing.assert_allclose(found, 1.0, atol=0.01)
+        turns = (shape.tangents[before:after] * shape.tangents[before + 1 : after + 1]).sum(axis=1)
+        found.append(tight / slack / math.exp(friction * np.arccos(np.clip(turns, -1.0, 1.0)).sum()))
+    np.testing.assert_allclose(found[8:], 1.0, atol=0.012)
+    np.testing.assert_allclose(np.median(found[8:]), 1.0, atol=0.01)
 
 
 @pytest.mark.parametrize("strain", [0.01, 0.004])
