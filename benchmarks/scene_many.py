@@ -16,8 +16,9 @@ CABLE = cs.Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01, twistin
 FEW, MANY = 100, 100_000
 RADIUS = 0.15  # m
 PLACE = (0.55, 0.04, -0.04)
-#: Of the few triangles' times: warm steps on the many and clearance to them; of a step without a body, one far from it.
-STEP, CLEARANCE, FAR = 2.0, 2.0, 1.5
+#: Of the few triangles' times those of the many: warm steps, and clearance, as their trees are deep, log(MANY / 4) to
+#: log(FEW / 4). Of a step far from a sphere one that far from them.
+STEP, CLEARANCE, FAR = 2.0, 3.2, 1.5
 
 
 def solids() -> dict[str, Solid]:

@@ -97,8 +97,9 @@ def body_tables(
                 faces, nodes, row[19] = spheres_tables(body.solid)
                 row[14] = more = body.solid.radius
             row[13], nodes = first_node, nodes.copy()
-            row[15:18] = 0.5 * (nodes[0, :3] + nodes[0, 3:6])
-            row[1:4] = 0.5 * (nodes[0, 3:6] - nodes[0, :3]) + more
+            corners = faces[:, :9].reshape(-1, 3) if isinstance(body.solid, Mesh) else faces[:, :3]
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            row[15:18], row[1:4] = 0.5 * (low + high), 0.5 * (high - low) + more
             nodes[:, 6] += np.where(nodes[:, 7] > 0, first_triangle, first_node)
             all_triangles.append(faces)
             all_nodes.append(nodes)

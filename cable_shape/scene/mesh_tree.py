@@ -80,29 +80,45 @@ def spheres_tables(solid: Points | HeightField) -> tuple[Array, Array, float]:
 def _tree(corners: Array) -> tuple[NDArray[np.int64], Array]:
     """Triangles (f, 3, 3), or points (n, 1, 3), leaf by leaf and the nodes above them.
 
-    Split at medians along the longest axis.
+    Split at medians along the longest edge of their box, all of one level at once.
     """
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    middle = low + high
+    middle = corners.mean(axis=1)
     order = np.arange(len(corners))
     first, last = np.array([0]), np.array([len(corners)])
     levels: list[Array] = []
     count = 1
     while first.size:
-        bounds = np.stack((first, last), axis=1).ravel()[: -1 if last[-1] == len(order) else None]
-        least, most = (f.reduceat(a[order], bounds)[::2] for f, a in ((np.minimum, low), (np.maximum, high)))
-        parted = last - first > LEAF_SIZE
-        child = count + 2 * np.cumsum(parted) - 2
-        pair = np.where(parted[:, None], np.stack((child, 0 * child), axis=1), np.stack((first, last - first), axis=1))
-        levels.append(np.concatenate((least, most, pair), axis=1))
-        count += 2 * int(parted.sum())
-        axis = (most - least).argmax(axis=1)[parted]
-        first, last = first[parted], last[parted]
         sizes = last - first
         part = np.repeat(np.arange(first.size), sizes)
-        places = np.arange(part.size) + np.repeat(first - np.cumsum(sizes) + sizes, sizes)
+        starts = np.cumsum(sizes) - sizes
+        places = np.arange(part.size) + np.repeat(first - starts, sizes)
+        centre, half, axes = _boxes(corners[order[places]], starts, sizes)
+        parted = sizes > LEAF_SIZE
+        child = count + 2 * np.cumsum(parted) - 2
+        pair = np.where(parted[:, None], np.stack((child, 0 * child), axis=1), np.stack((first, sizes), axis=1))
+        levels.append(np.concatenate((centre, half, pair, axes[:, :, 0], axes[:, :, 1]), axis=1))
+        count += 2 * int(parted.sum())
         inside = order[places]
-        order[places] = inside[np.lexsort((middle[inside, axis[part]], part))]
-        half = first + sizes // 2
-        first, last = np.stack((first, half), axis=1).ravel(), np.stack((half, last), axis=1).ravel()
+        order[places] = inside[np.lexsort((np.einsum("ni,ni->n", middle[inside], axes[part, :, 0]), part))]
+        first, last = first[parted], last[parted]
+        half_way = first + (last - first) // 2
+        first, last = np.stack((first, half_way), axis=1).ravel(), np.stack((half_way, last), axis=1).ravel()
     return order, np.concatenate(levels).reshape(-1, NODE_COLUMNS)
+
+
+def _boxes(corners: Array, starts: NDArray[np.int64], sizes: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+    """Centres (k, 3), half edges (k, 3) and edges (k, 3, 3), as columns, of boxes that lie as what is in them does.
+
+    corners (n, m, 3): of what is in the first box, then of what is in the next; longest edges come first.
+    """
+    part = np.repeat(np.arange(sizes.size), sizes)
+    points = corners - (np.add.reduceat(corners.mean(axis=1), starts) / sizes[:, None])[part, None]
+    spread = np.add.reduceat(np.einsum("nmi,nmj->nij", points, points), starts)
+    axes = np.linalg.eigh(spread)[1][:, :, ::-1].copy()
+    axes[:, :, 2] = np.cross(axes[:, :, 0], axes[:, :, 1])
+    along = np.einsum("nmi,nij->nmj", corners, axes[part])
+    low, high = np.minimum.reduceat(along.min(axis=1), starts), np.maximum.reduceat(along.max(axis=1), starts)
+    longest = np.argsort(low - high, axis=1, kind="stable")
+    low, high = np.take_along_axis(low, longest, axis=1), np.take_along_axis(high, longest, axis=1)
+    axes = np.take_along_axis(axes, longest[:, None, :], axis=2)
+    return np.einsum("kij,kj->ki", axes, 0.5 * (low + high)), 0.5 * (high - low), axes

@@ -146,7 +146,9 @@ def _closest_to_body(
             continue
         if cull and mesh:
             x, y, z = into_body(frame, spheres[k, 0], spheres[k, 1], spheres[k, 2])
-            d, _, _, _ = tree_point(body, triangles, nodes, x, y, z, np.inf, cull, stack)
+            away, _, _, _ = box_distance(body[1], body[2], body[3], x - body[15], y - body[16], z - body[17])
+            enough = known + spheres[k, 3] if away > 0.0 else np.inf  # inside its box it may be deep in a mesh
+            d, _, _, _ = tree_point(body, triangles, nodes, x, y, z, enough, cull, stack)
             if d - spheres[k, 3] > known + SLACK:
                 continue
         # distances of the chunk's points, in the body's frame
@@ -211,7 +213,7 @@ def on_solid(body: Array, p: Array, q: Array, t0: float, t1: float) -> tuple[flo
 def tree_point(
     body: Array, triangles: Array, nodes: Array, x: float, y: float, z: float, reach: float, cull: bool, stack: Indices
 ) -> tuple[float, float, float, float]:
-    """As `mesh_point`, for a mesh or spheres; reach [m] bounds the distance to a mesh."""
+    """As `mesh_point`, for a mesh or spheres; reach [m] bounds the distance to a mesh, infinite beyond."""
     if body[0] == SPHERES:
         d, nx, ny, nz, _ = spheres_point(body, triangles, nodes, x, y, z, False, stack)
         return d, nx, ny, nz

@@ -45,7 +45,7 @@ def nearest_centre(points: Array, nodes: Array, root: int, x: float, y: float, z
             continue
         first, number = int(nodes[node, 6]), int(nodes[node, 7])
         if number == 0:
-            depth = push_children(nodes, first, x, y, z, stack, depth)
+            depth = push_children(nodes, node, x, y, z, stack, depth)
             continue
         for i in range(first, first + number):
             square = (x - points[i, 0]) ** 2 + (y - points[i, 1]) ** 2 + (z - points[i, 2]) ** 2
@@ -173,7 +173,7 @@ def spheres_segment(
             continue
         first, number = int(nodes[node, 6]), int(nodes[node, 7])
         if number == 0:
-            depth = push_children(nodes, first, px, py, pz, stack, depth)
+            depth = push_children(nodes, node, px, py, pz, stack, depth)
             continue
         for i in range(first, first + number):
             x, y, z = points[i, 0] - px, points[i, 1] - py, points[i, 2] - pz

@@ -29,7 +29,7 @@ from cable_shape.kernels.distance.distance import (
     signed_distance,
 )
 from cable_shape.kernels.distance.spheres import FLAT, across, spheres_point
-from cable_shape.kernels.distance.triangles import CORNER_A, FACE, mesh_point, mesh_segment, nearest_on_triangle
+from cable_shape.kernels.distance.triangles import CORNER_A, FACE, mesh_feature, mesh_point
 from cable_shape.kernels.rod_algebra import Matrix, Vector, mscale, mul, tmul
 
 SHARPEST = 1e-4  # [m] radius below which an edge or a corner is not taken to be curved more
@@ -123,12 +123,8 @@ def mesh_surface(
 ) -> tuple[float, float, float, float, Matrix]:
     """Signed distance (open meshes: unsigned), normal and Hessian of a triangle mesh, in its own frame."""
     root, closed = int(body[13]), body[14] != 0.0
-    d, nx, ny, nz = mesh_point(triangles, nodes, root, closed, x, y, z, np.inf, True, stack)
-    _, _, i = mesh_segment(triangles, nodes, root, x, y, z, 0.0, 0.0, 0.0, abs(d), True, stack)
-    if i < 0:
-        return d, nx, ny, nz, FLAT
+    d, nx, ny, nz, i, feature = mesh_feature(triangles, nodes, root, closed, x, y, z, np.inf, True, stack)
     tri = triangles[i]
-    _, _, _, feature = nearest_on_triangle(tri, x, y, z)
     if feature == FACE:
         return d, nx, ny, nz, FLAT
     f = over(d)

@@ -5,8 +5,9 @@ feature on which a closest point can lie: face, edges AB, BC, CA, corners A, B, 
 sums over the faces that meet there, at corners weighted by angle; with them the side of a point is right everywhere
 (Baerentzen and Aanaes, "Signed distance computation using the angle weighted pseudonormal", 2005).
 
-A row of the table of nodes (8,) holds the box (low 3, high 3), then (first triangle, number) of a leaf or
-(first child, 0) of a node whose children are neighbours.
+A row of the table of nodes (14,) holds the centre and the half edges of a box, then (first triangle, number) of a
+leaf or (first child, 0) of a node whose children are neighbours, then the directions of the box's first two edges. A
+box lies as its triangles do: patches of a fine mesh are flat, and boxes along the axes would be far thicker.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from cable_shape.kernels.distance.distance import box_distance, least_between
 
 Indices = NDArray[np.int64]
 
-TRIANGLE_COLUMNS, NODE_COLUMNS = 30, 8
+TRIANGLE_COLUMNS, NODE_COLUMNS = 30, 14
 FACE, EDGE_AB, EDGE_BC, EDGE_CA, CORNER_A, CORNER_B, CORNER_C = 0, 1, 2, 3, 4, 5, 6
 STACK_SIZE = 128  # far more than the levels of a tree split at medians, each of which leaves one node waiting
 
@@ -134,19 +135,36 @@ def segment_triangle(
 @kernel
 def to_box(nodes: Array, node: int, x: float, y: float, z: float) -> float:
     """Squared distance of a point to the box of a node, 0 inside."""
-    ex = max(nodes[node, 0] - x, x - nodes[node, 3], 0.0)
-    ey = max(nodes[node, 1] - y, y - nodes[node, 4], 0.0)
-    ez = max(nodes[node, 2] - z, z - nodes[node, 5], 0.0)
-    return ex * ex + ey * ey + ez * ez
+    a, b, c = _in_box(nodes, node, x - nodes[node, 0], y - nodes[node, 1], z - nodes[node, 2])
+    a = max(abs(a) - nodes[node, 3], 0.0)
+    b = max(abs(b) - nodes[node, 4], 0.0)
+    c = max(abs(c) - nodes[node, 5], 0.0)
+    return a * a + b * b + c * c
+
+
+@kernel(forceinline=True)
+def _in_box(nodes: Array, node: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A vector along the edges of the box of a node."""
+    ux, uy, uz, vx, vy, vz = (
+        nodes[node, 8], nodes[node, 9], nodes[node, 10], nodes[node, 11], nodes[node, 12], nodes[node, 13],
+    )  # fmt: skip
+    return (
+        ux * x + uy * y + uz * z,
+        vx * x + vy * y + vz * z,
+        (uy * vz - uz * vy) * x + (uz * vx - ux * vz) * y + (ux * vy - uy * vx) * z,
+    )
 
 
 @kernel
-def push_children(nodes: Array, first: int, x: float, y: float, z: float, stack: Indices, depth: int) -> int:
-    """Puts node `first` and the next one on the stack, the one nearer to (x, y, z) on top; the new depth."""
-    near, far = first, first + 1
-    if to_box(nodes, far, x, y, z) < to_box(nodes, near, x, y, z):
-        near, far = far, near
-    stack[depth], stack[depth + 1] = far, near
+def push_children(nodes: Array, node: int, x: float, y: float, z: float, stack: Indices, depth: int) -> int:
+    """Puts the children of a node on the stack, on top that which is likely nearer to (x, y, z); the new depth.
+
+    They are the halves of their parent along its first edge.
+    """
+    first = int(nodes[node, 6])
+    x, y, z = x - nodes[node, 0], y - nodes[node, 1], z - nodes[node, 2]
+    upper = x * nodes[node, 8] + y * nodes[node, 9] + z * nodes[node, 10] > 0.0
+    stack[depth], stack[depth + 1] = (first, first + 1) if upper else (first + 1, first)
     return depth + 2
 
 
@@ -165,8 +183,27 @@ def mesh_point(
 ) -> tuple[float, float, float, float]:
     """Distance of a point to the mesh, negative inside a closed one, and its gradient: (d, nx, ny, nz).
 
-    `reach` [m]: a bound that is known on the distance, infinite if none. On the surface the gradient is the normal.
+    `reach` [m]: no triangle further away is looked for, and the distance is infinite if none is as near; infinite: all
+    are. On the surface the gradient is the normal.
     """
+    d, nx, ny, nz, _, _ = mesh_feature(triangles, nodes, root, closed, x, y, z, reach, cull, stack)
+    return d, nx, ny, nz
+
+
+@kernel
+def mesh_feature(
+    triangles: Array,
+    nodes: Array,
+    root: int,
+    closed: bool,
+    x: float,
+    y: float,
+    z: float,
+    reach: float,
+    cull: bool,
+    stack: Indices,
+) -> tuple[float, float, float, float, int, int]:
+    """As `mesh_point`, and the triangle that is nearest and its feature: (d, nx, ny, nz, i, feature)."""
     best, found, kind = np.inf, -1, FACE
     limit = (reach + SLACK) ** 2
     qx, qy, qz = x, y, z
@@ -179,7 +216,7 @@ def mesh_point(
             continue
         first, number = int(nodes[node, 6]), int(nodes[node, 7])
         if number == 0:
-            depth = push_children(nodes, first, x, y, z, stack, depth)
+            depth = push_children(nodes, node, x, y, z, stack, depth)
             continue
         for i in range(first, first + number):
             rx, ry, rz, feature = nearest_on_triangle(triangles[i], x, y, z)
@@ -188,25 +225,24 @@ def mesh_point(
                 best, found, kind = square, i, feature
                 qx, qy, qz = rx, ry, rz
                 limit = min(limit, (math.sqrt(best) + SLACK) ** 2)
+    if found < 0:
+        return np.inf, 0.0, 0.0, 0.0, found, kind
     column = 9 + 3 * kind
     nx, ny, nz = triangles[found, column], triangles[found, column + 1], triangles[found, column + 2]
     d = math.sqrt(best)
     if d == 0.0:
-        return d, nx, ny, nz
+        return d, nx, ny, nz, found, kind
     if closed and (x - qx) * nx + (y - qy) * ny + (z - qz) * nz < 0.0:
         d = -d
-    return d, (x - qx) / d, (y - qy) / d, (z - qz) / d
+    return d, (x - qx) / d, (y - qy) / d, (z - qz) / d, found, kind
 
 
 @kernel
 def segment_to_box(nodes: Array, node: int, px: float, py: float, pz: float, dx: float, dy: float, dz: float) -> float:
     """A lower bound on the distance of p + t d, t in [0, 1], to the box of a node, from the tangents at its ends."""
-    a, b, c = (
-        0.5 * (nodes[node, 3] - nodes[node, 0]),
-        0.5 * (nodes[node, 4] - nodes[node, 1]),
-        0.5 * (nodes[node, 5] - nodes[node, 2]),
-    )
-    x, y, z = px - nodes[node, 0] - a, py - nodes[node, 1] - b, pz - nodes[node, 2] - c
+    a, b, c = nodes[node, 3], nodes[node, 4], nodes[node, 5]
+    x, y, z = _in_box(nodes, node, px - nodes[node, 0], py - nodes[node, 1], pz - nodes[node, 2])
+    dx, dy, dz = _in_box(nodes, node, dx, dy, dz)
     d, nx, ny, nz = box_distance(a, b, c, x, y, z)
     e, mx, my, mz = box_distance(a, b, c, x + dx, y + dy, z + dz)
     return max(least_between(1.0, d, nx * dx + ny * dy + nz * dz, e, mx * dx + my * dy + mz * dz), 0.0)
@@ -242,7 +278,7 @@ def mesh_segment(
             continue
         first, number = int(nodes[node, 6]), int(nodes[node, 7])
         if number == 0:
-            depth = push_children(nodes, first, px, py, pz, stack, depth)
+            depth = push_children(nodes, node, px, py, pz, stack, depth)
             continue
         for i in range(first, first + number):
             t, square = segment_triangle(triangles[i], px, py, pz, dx, dy, dz)
