@@ -5,6 +5,9 @@ So a chain of points, inextensible but for what a stiff spring gives, with the c
 without twist and friction, is led with the grips from the first shape, and let slide to rest outside of all bodies.
 Each step in time is a minimum of energy and drag, and carries no point further than it could get past a body unseen:
 such a way exists, for a cable of this length, downhill all along. None of the solver's code takes part.
+
+A chain knows no twist. Where it comes to rest elsewhere, a way is asked of `cs.Motion`, slowed down, and believed
+only in what this file sees of it: that it ends in the shape, and passes no body from any step to the next.
 """
 
 from __future__ import annotations
@@ -27,6 +30,8 @@ GRIPS = 0.1  # of the same: that of grips
 REST = 1e-6  # of the length: the way in a long step of what is at rest
 STEPS, ITERATIONS = 3000, 60
 SLOW, FAST = 1e-5, 1e3  # steps in time, in units in which the chain falls its length
+DT, SUBSTEPS, MOST = 0.02, 10, 600  # s, of a motion; for each step of the grips; in which it is to come to rest
+THERE = 1e-3  # of the length: so near to the shape it is there
 
 
 class Chain:
@@ -197,7 +202,27 @@ def slid_there(
 
     grips: of all steps from that one to this.
     """
-    return any(_slid_there(cable, scene, before, after, grips, elements) for elements in ELEMENTS)
+    chained = any(_slid_there(cable, scene, before, after, grips, elements) for elements in ELEMENTS)
+    return chained or _moved_there(cable, scene, before, after, grips)
+
+
+def _moved_there(
+    cable: cs.Cable, scene: cs.Scene, before: cs.CableShape, after: cs.CableShape, grips: list[tuple[cs.Pose, cs.Pose]]
+) -> bool:
+    """Whether a motion leads to the shape, and passes no body in any of its steps."""
+    slow = cable.replace(retardation_time=10.0 * DT, drag=0.3)
+    motion = cs.Motion(slow, scene, points=before.points)
+    last = motion.take_up(before, *grips[0])
+    parts = np.arange(1, SUBSTEPS + 1) / SUBSTEPS
+    way = [
+        [_between(a, b, part) for a, b in zip(one, two, strict=True)] for one, two in pairwise(grips) for part in parts
+    ]
+    for ends in way + [list(grips[-1])] * MOST:
+        shape = motion.step(*ends, DT)
+        if not shape.usable or passed(scene, 0.5 * cable.diameter, last, shape):
+            return False
+        last = shape
+    return bool(np.linalg.norm(last.positions - after.positions, axis=1).max() < THERE * cable.length)
 
 
 def _slid_there(
