@@ -15,6 +15,7 @@ from cable_shape.prediction.tails import runs
 from cable_shape.prediction.turned import turned_shape
 from cable_shape.shape import NOT_RUBBED, CableShape
 from cable_shape.solve.mesh import interpolated
+from cable_shape.solve.touching.resume import numbered
 
 _HALF_TURN: Array = np.array((-1.0, 0.0, 0.0, 0.0))  # undoes that of a tail which runs backwards, see `tails`
 
@@ -144,18 +145,19 @@ def _joined(shape: CableShape, tails: Mapping[str, CableShape]) -> tuple[Array, 
 
 def _joined_touches(shape: CableShape, tails: Mapping[str, CableShape]) -> tuple[Array, tuple[str, ...]]:
     """Contacts of the span and of its tails by arc length [m] from the start grip, and the names of the bodies."""
-    names = tuple(dict.fromkeys((*shape.bodies, *(name for tail in tails.values() for name in tail.bodies))))
-    rows = []
+    told = [one for part in (shape, *tails.values()) for one in numbered(part.bodies)]
+    bodies, rows = list(dict.fromkeys(told)), []
     for part, first, way in (
         (shape, 0.0, 1.0),
         *((tails[s], *runs(s, shape.length)) for s in TAIL_SIDES if s in tails),
     ):
         own = part.touches.copy()
         own[:, 0] = first + way * own[:, 0]
-        own[:, 1] = [names.index(part.bodies[int(body)]) for body in own[:, 1]]
+        which = numbered(part.bodies)
+        own[:, 1] = [bodies.index(which[int(body)]) for body in own[:, 1]]
         rows.append(own)
     every = np.concatenate(rows)
-    return every[np.argsort(every[:, 0], kind="stable")], names
+    return every[np.argsort(every[:, 0], kind="stable")], tuple(name for name, _ in bodies)
 
 
 def _between(touches: Array, first: float, length: float) -> Array:

@@ -36,7 +36,7 @@ from cable_shape.pose import FreeEnd, Pose
 from cable_shape.prediction.layout import Layout
 from cable_shape.prediction.predictor import predict
 from cable_shape.safety.report import Clearance, CycleReport
-from cable_shape.scene.scene import Allow, Box, Clip, HalfSpace, Obstacle, PointMass, Scene, Sphere
+from cable_shape.scene.scene import Allow, Box, Clip, HalfSpace, HeightField, Obstacle, PointMass, Points, Scene, Sphere
 from cable_shape.shape import Status
 from cable_shape.viewer.entities import ReportLogger
 from cable_shape.viewer.letters import decode, encode
@@ -449,3 +449,19 @@ def test_the_closest_pair_is_of_a_body_that_the_cable_does_not_rest_on(tmp_path:
         writer.log(said)
     ((_, label),) = columns(tmp_path / "out.rrd")["/world/cables/cable/closest/line:LineStrips3D:labels"]
     assert label[0].startswith("post")
+
+
+def test_point_clouds_and_height_fields_are_drawn() -> None:
+    import rerun as rr
+
+    from cable_shape.viewer.standing import shown  # here: this module must not import rerun
+
+    colour = (1, 2, 3, 255)
+    cloud = shown(Points([(0.0, 0.0, 0.1), (0.0, 0.2, 0.0)], 0.02), colour)
+    assert isinstance(cloud, rr.Points3D)
+    assert cloud.positions is not None
+    assert len(cloud.positions) == 2
+    field = shown(HeightField([(0.0, 0.1), (0.2, 0.3), (0.0, 0.0)], 0.05), colour)
+    assert isinstance(field, rr.Mesh3D)
+    assert field.triangle_indices is not None
+    assert len(field.triangle_indices) == 4

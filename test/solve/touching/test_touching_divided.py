@@ -121,6 +121,39 @@ def test_a_shape_answers_the_whole_of_a_divided_body():
         assert np.abs(columns[:, :, axis] - differences).max() < 0.02, axis
 
 
+def test_another_body_that_comes_leaves_the_cable_where_it_lies():
+    predictor = cs.Predictor(CABLE, scene=scene_of(BRACKET), model="cosserat")
+    for k in range(13):
+        before = across(predictor, 0.15 - 0.01 * k, 0.18)
+    first, second = (cs.Obstacle(name, cs.Sphere(0.02), cs.Pose((1, 0, z))) for name, z in (("one", 0), ("two", 1)))
+    (part,) = scene_of(BRACKET).obstacles
+    predictor.scene = cs.Scene(obstacles=[first, part, second], contact="solve")
+    after = across(predictor, 0.03, 0.18)
+    assert after.status is cs.Status.OK
+    assert {contact.body for contact in after.contacts} == {"part"}
+    assert np.linalg.norm(after.positions - before.positions, axis=1).max() < 1e-5
+
+
+def test_a_cable_on_it_may_carry_another_one():
+    cycle = cs.Cycle({"high": CABLE, "low": CABLE}, scene=scene_of(BRACKET), model="cosserat")
+    for k in range(10):
+        height = 0.24 - 0.004 * k
+        report = cycle.step(
+            {
+                "high": tuple(cs.Pose((0.25, y, height), ALONG_Y) for y in (-0.31, 0.31)),
+                "low": tuple(cs.Pose((x, 0.01, height - 0.04), ALONG_X) for x in (0.06, 0.66)),
+            },
+            stamp=10_000_000 * k,
+        )
+        for name, shape in report.shapes.items():
+            assert shape.usable, (k, name, shape)
+    high, low = report.shapes["high"], report.shapes["low"]
+    assert {contact.body for contact in high.contacts} == {"low"}
+    assert {contact.body for contact in low.contacts} == {"high", "part"}
+    assert low.presses("high").sum() == pytest.approx(high.presses("low").sum())
+    assert low.error_estimate > mesh_parts.parts_of(BRACKET).deviation
+
+
 def test_it_may_be_allowed_carried_and_swung_among_by_its_name():
     scene = scene_of(BRACKET, link="tool").replace(allow=[cs.Allow("part", max_force=5.0)])
     moving = cs.Predictor(CABLE, scene=scene, model="cosserat")
