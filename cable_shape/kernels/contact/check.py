@@ -21,6 +21,9 @@ from cable_shape.kernels.contact.near import (
     SECOND_NORMAL,
     SLIPS,
     SPOT,
+    THIRD,
+    THIRD_EXACT,
+    THIRD_NORMAL,
 )
 from cable_shape.kernels.distance.surface import reach_of, touch
 from cable_shape.kernels.rod_algebra import (
@@ -126,29 +129,29 @@ def passes(
 
 @kernel
 def touches(s: Array, near: Array, on: Array, thick: Array, out: Array) -> int:
-    """Fills out (2 N, TOUCH) with the contacts of a solution, see TOUCH; returns how many there are."""
+    """Fills out (3 N, TOUCH) with the contacts of a solution, see TOUCH; returns how many there are.
+
+    What a node is pulled along by is shared by the bodies that press on it as they push.
+    """
     count = 0
     for k in range(s.shape[0]):
         if on[k, 0] == BARE or not near[k, EXACT] > 0.0:
             continue
-        n = take3(near, k, NORMAL)
-        out[count, 0] = s[k]
-        out[count, 1] = on[k, 0]
-        put3(out, count, 2, subtract(take3(near, k, SPOT), scale(thick[k], n)))
-        put3(out, count, 5, n)
-        out[count, 8] = near[k, EXACT]
-        t, share = take3(near, k, RUB), 1.0
-        if on[k, SECOND] != BARE and near[k, SECOND_EXACT] > 0.0:
-            share = near[k, EXACT] / (near[k, EXACT] + near[k, SECOND_EXACT])
-        put3(out, count, 9, scale(share, t))
-        out[count, 12] = near[k, SLIPS] if near[k, MATE] != 0.0 else 0.0
-        count += 1
-        if on[k, SECOND] != BARE and near[k, SECOND_EXACT] > 0.0:
-            n = take3(near, k, SECOND_NORMAL)
-            out[count, 0], out[count, 1], out[count, 8] = s[k], on[k, SECOND], near[k, SECOND_EXACT]
+        whole = near[k, EXACT]
+        for column, exact in ((SECOND, SECOND_EXACT), (THIRD, THIRD_EXACT)):
+            whole += max(near[k, exact], 0.0) if on[k, column] != BARE else 0.0
+        for column, exact, normal in (
+            (0, EXACT, NORMAL),
+            (SECOND, SECOND_EXACT, SECOND_NORMAL),
+            (THIRD, THIRD_EXACT, THIRD_NORMAL),
+        ):
+            if on[k, column] == BARE or not near[k, exact] > 0.0:
+                continue
+            n, force = take3(near, k, normal), near[k, exact]
+            out[count, 0], out[count, 1], out[count, 8] = s[k], on[k, column], force
             put3(out, count, 2, subtract(take3(near, k, SPOT), scale(thick[k], n)))
             put3(out, count, 5, n)
-            put3(out, count, 9, scale(1.0 - share, t))
-            out[count, 12] = out[count - 1, 12]
+            put3(out, count, 9, scale(force / whole, take3(near, k, RUB)))
+            out[count, 12] = near[k, SLIPS] if near[k, MATE] != 0.0 else 0.0
             count += 1
     return count

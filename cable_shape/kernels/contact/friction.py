@@ -42,6 +42,8 @@ from cable_shape.kernels.contact.near import (
     SECOND_PRESS,
     SLIPS,
     SPOT,
+    THIRD,
+    THIRD_PRESS,
     WAS,
     leant,
     pressed,
@@ -99,17 +101,19 @@ def limit_of(rough: Array, of_bodies: Array, near: Array, on: Array, k: int) -> 
     limit = max(rough[k], of_bodies[on[k, 0]]) * max(near[k, PRESS], 0.0)
     if on[k, SECOND] != BARE:
         limit += max(rough[k], of_bodies[on[k, SECOND]]) * max(near[k, SECOND_PRESS], 0.0)
+    if on[k, THIRD] != BARE:
+        limit += max(rough[k], of_bodies[on[k, THIRD]]) * max(near[k, THIRD_PRESS], 0.0)
     return limit
 
 
 @viewing(forceinline=True)
 def free_ways(near: Array, on: Array, k: int) -> Matrix:
-    """The projection onto the ways that node k has: along the surface, or along the edge between two bodies."""
+    """The projection onto the ways that node k has: along the surface, or the edge between two bodies, or none."""
     n = take3(near, k, NORMAL)
     if on[k, SECOND] == BARE:
         return msub(IDENTITY, outer(n, n))
     e = cross(n, take3(near, k, SECOND_NORMAL))
-    size = dot(e, e)
+    size = dot(e, e) if on[k, THIRD] == BARE else 0.0
     return mscale(1.0 / size, outer(e, e)) if size > 0.0 else NOTHING
 
 

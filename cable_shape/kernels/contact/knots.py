@@ -28,10 +28,13 @@ from cable_shape.kernels.contact.near import (
     SECOND_NORMAL,
     SECOND_PRESS,
     SPOT,
+    THIRD,
+    THIRD_GAP,
     TOWARD,
     along_cable,
     pressed,
     tangent_of,
+    way_out,
 )
 from cable_shape.kernels.contact.pair_friction import PULLED, pulled
 from cable_shape.kernels.contact.tables import Lying, Net
@@ -71,6 +74,8 @@ from cable_shape.kernels.rod_algebra import (
     tapply,
 )
 from cable_shape.kernels.rod_element import IDENTITY
+
+NOWHERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @viewing
@@ -227,7 +232,7 @@ def press_on(net: Net, q: Array, h: Array, near: Array, on: Array, least: float,
         force = max(near[k, PRESS], 0.0)
         H = get9(near, k, CURVED)
         if on[k, SECOND] != BARE:
-            largest = max(largest, press_into_corner(net, near, i, k, drag, factored))
+            largest = max(largest, press_into_corner(net, near, on, i, k, drag, factored))
             continue
         pull = get3(work.pull, i)  # no force out of the surface is unbalanced, whatever plane the factors are of
         put3(work.pull, i, 0, subtract(pull, scale(dot(pull, n), n)))
@@ -256,9 +261,20 @@ def press_on(net: Net, q: Array, h: Array, near: Array, on: Array, least: float,
 
 
 @viewing
-def press_into_corner(net: Net, near: Array, i: int, k: int, drag: float, factored: bool) -> float:
-    """The same of contact i, at node k between two bodies: its place is free along the edge where they meet."""
+def press_into_corner(net: Net, near: Array, on: Array, i: int, k: int, drag: float, factored: bool) -> float:
+    """The same of contact i, at node k between two bodies: its place is free along the edge where they meet.
+
+    Between three it is where they meet, and no way is free.
+    """
     model, work = model_of(net.ints, net.floats), work_of(net.ints, net.space)
+    if on[k, THIRD] != BARE:
+        put3(work.pull, i, 0, NONE)
+        if not factored:
+            put9(model.along, i, 0, NOWHERE)
+            put9(model.bent, i, 0, NOWHERE)
+            for c in range(6):
+                model.lean[i, c] = 0.0
+        return max(abs(near[k, GAP]), abs(near[k, SECOND_GAP]), abs(near[k, THIRD_GAP]))
     e = cross(take3(near, k, NORMAL), take3(near, k, SECOND_NORMAL))
     e = scale(1.0 / math.sqrt(max(dot(e, e), FLATTEST)), e)
     pull = get3(work.pull, i)
@@ -295,14 +311,8 @@ def step_out(net: Net, lying: Lying, near: Array, on: Array, share: float) -> No
         if on[k, 0] == BARE:
             put3(given, i, 0, NONE)
             continue
-        step = scale(-share * near[k, GAP], take3(near, k, NORMAL))
-        if on[k, SECOND] != BARE:
-            n, m = take3(near, k, NORMAL), take3(near, k, SECOND_NORMAL)
-            c = dot(n, m)
-            f = -share / max(1.0 - c * c, FLATTEST)
-            step = scale(f * (near[k, GAP] - c * near[k, SECOND_GAP]), n)
-            step = add(step, scale(f * (near[k, SECOND_GAP] - c * near[k, GAP]), m))
-        put3(given, i, 0, step)
+        a, b, c = near[k, GAP], near[k, SECOND_GAP], near[k, THIRD_GAP]
+        put3(given, i, 0, scale(-share, way_out(near, on, k, a, b, c)))
 
 
 @viewing

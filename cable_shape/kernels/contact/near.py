@@ -1,13 +1,14 @@
 """Which nodes of a cable touch which bodies: gaps, normals and curvatures at the nodes.
 
-    near  (N+1, 58) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
+    near  (N+1, 64) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
                     its surface 9 | place 3 | change of place in the last step 3 | contact force corrected [N] | 1: its
                     contact has just ended | push of another cable [N] | direction from there 3 | how far that is [m] |
                     the push corrected [N] | of a second body: contact force, gap, normal 3, curvature 9, force
+                    corrected | what friction remembers 15 | of a third body: contact force, gap, normal 3, force
                     corrected
-    on    (N+1, 5)  row of the body that the node is pressed on, -1: none | row of the nearest body, -1: none near |
+    on    (N+1, 6)  row of the body that the node is pressed on, -1: none | row of the nearest body, -1: none near |
                     2 i or 2 i + 1 at pair i, -1: of none, see `link` | 1: the pair's cables touch | row of a second
-                    body that the node is pressed on
+                    body that the node is pressed on | row of a third one, which together with both leaves it no way
 
 A cable cannot come nearer to a body faster than along its arc length, so that a node at the distance d rules out all
 nodes within d of it.
@@ -27,6 +28,7 @@ from cable_shape.kernels.rod_algebra import (
     Vector,
     add,
     apply,
+    cross,
     dot,
     get4,
     get9,
@@ -39,14 +41,16 @@ from cable_shape.kernels.rod_algebra import (
 )
 from cable_shape.kernels.rod_element import relative
 
-NEAR, ON = 58, 5  # columns of `near` and `on`
+NEAR, ON = 64, 6  # columns of `near` and `on`
 PRESS, GAP, NORMAL, CURVED, SPOT, STEP, EXACT, ENDED = 0, 1, 2, 5, 14, 17, 20, 21
 PUSH, TOWARD, APART, PUSHED = 22, 23, 26, 27
 SECOND_PRESS, SECOND_GAP, SECOND_NORMAL, SECOND_CURVED, SECOND_EXACT = 28, 29, 30, 33, 42
 RUB, WAS, HELD, ARC, FIRM, SLIPS, MATE = 43, 46, 49, 52, 53, 54, 55
 LIMIT, OFF = 56, 57  # of friction [N], and by how much mu times the push was off it
-LINK, LINKED, SECOND = 2, 3, 4
+THIRD_PRESS, THIRD_GAP, THIRD_NORMAL, THIRD_EXACT = 58, 59, 60, 63
+LINK, LINKED, SECOND, THIRD = 2, 3, 4, 5
 BARE, ACTIVE, WAITS = -1, 1, 2
+CLOSED = 0.1  # volume that three unit normals span: with less they are next to one plane, where two hold a node
 FLATTEST = 1e-3  # of the square of the sine between two normals at a node: as far as flatter corners count
 MARGIN = 0.03  # [m] bodies further from a node than this are not looked at
 GRIP_EXCLUSION = 0.05  # [m] of arc length at either end, within which what grips the cable is no body to it
@@ -77,7 +81,7 @@ def look(
         exclusion = GRIP_EXCLUSION if bodies[b, 12] != 0.0 else 0.0
         k = first_node + 1
         while k < last_node:
-            if s[k] < exclusion or s[k] > s[last_node] - exclusion or on[k, SECOND] == b:
+            if s[k] < exclusion or s[k] > s[last_node] - exclusion or on[k, SECOND] == b or on[k, THIRD] == b:
                 k += 1
                 continue
             held = on[k, 0] == b
@@ -100,8 +104,8 @@ def look(
                     k += 1
     for k in range(first_node + 1, last_node):
         if on[k, 1] == BARE:
-            on[k, 0] = on[k, SECOND] = BARE
-            near[k, PRESS] = near[k, SECOND_PRESS] = 0.0
+            on[k, 0] = on[k, SECOND] = on[k, THIRD] = BARE
+            near[k, PRESS] = near[k, SECOND_PRESS] = near[k, THIRD_PRESS] = 0.0
             let_go(near, k)
         b = on[k, SECOND]
         if b != BARE:
@@ -110,6 +114,12 @@ def look(
             near[k, SECOND_GAP] = d - thick[k] + sunk
             put3(near, k, SECOND_NORMAL, n)
             put9(near, k, SECOND_CURVED, H)
+        b = on[k, THIRD]
+        if b != BARE:
+            side = take3(near, k, THIRD_NORMAL)
+            d, n, _ = touch(bodies[b], frames[b], triangles, nodes, take3(near, k, SPOT), side, True, stack)
+            near[k, THIRD_GAP] = d - thick[k] + sunk
+            put3(near, k, THIRD_NORMAL, n)
 
 
 @viewing
@@ -123,7 +133,8 @@ def tangent_of(q: Array, k: int) -> Vector:
 def pressed(near: Array, k: int, normal: int) -> Vector:
     """[N], of the bodies on node k; normal: column with the first one's direction."""
     own = add(scale(near[k, PRESS], take3(near, k, normal)), take3(near, k, RUB))
-    return add(own, scale(near[k, SECOND_PRESS], take3(near, k, SECOND_NORMAL)))
+    own = add(own, scale(near[k, SECOND_PRESS], take3(near, k, SECOND_NORMAL)))
+    return add(own, scale(near[k, THIRD_PRESS], take3(near, k, THIRD_NORMAL)))
 
 
 @viewing
@@ -134,12 +145,31 @@ def let_go(near: Array, k: int) -> None:
 
 
 @viewing
-def split(near: Array, k: int, v: Vector) -> tuple[float, float]:
-    """The parts along both normals of a vector in the plane that they span."""
-    n, m = take3(near, k, NORMAL), take3(near, k, SECOND_NORMAL)
+def shares(near: Array, on: Array, k: int, v: Vector) -> Vector:
+    """The parts of a vector along the normals of the bodies that press on node k, 0 of those that there are not."""
+    n, m, o = take3(near, k, NORMAL), take3(near, k, SECOND_NORMAL), take3(near, k, THIRD_NORMAL)
+    if on[k, SECOND] == BARE:
+        return dot(v, n), 0.0, 0.0
+    if on[k, THIRD] != BARE:
+        f = 1.0 / dot(n, cross(m, o))
+        return f * dot(v, cross(m, o)), f * dot(v, cross(o, n)), f * dot(v, cross(n, m))
     c, a, b = dot(n, m), dot(v, n), dot(v, m)
     f = 1.0 / max(1.0 - c * c, FLATTEST)
-    return f * (a - c * b), f * (b - c * a)
+    return f * (a - c * b), f * (b - c * a), 0.0
+
+
+@viewing
+def way_out(near: Array, on: Array, k: int, a: float, b: float, c: float) -> Vector:
+    """The least way that goes a, b and c along the normals of the bodies that press on node k."""
+    n, m, o = take3(near, k, NORMAL), take3(near, k, SECOND_NORMAL), take3(near, k, THIRD_NORMAL)
+    if on[k, SECOND] == BARE:
+        return scale(a, n)
+    if on[k, THIRD] != BARE:
+        f = 1.0 / dot(n, cross(m, o))
+        return add(scale(f * a, cross(m, o)), add(scale(f * b, cross(o, n)), scale(f * c, cross(n, m))))
+    cosine = dot(n, m)
+    f = 1.0 / max(1.0 - cosine * cosine, FLATTEST)
+    return add(scale(f * (a - cosine * b), n), scale(f * (b - cosine * a), m))
 
 
 @viewing

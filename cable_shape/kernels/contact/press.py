@@ -47,12 +47,15 @@ from cable_shape.kernels.contact.near import (
     SECOND_PRESS,
     STANDS,
     STEP,
+    THIRD,
+    THIRD_EXACT,
+    THIRD_PRESS,
     TOWARD,
     allowed,
     lean,
     let_go,
     look,
-    split,
+    shares,
 )
 from cable_shape.kernels.contact.pair_friction import NEXT, PULLED, any_rub, forget_pulls, pulled
 from cable_shape.kernels.contact.pair_system import COUPLED, hold_pairs, lead_pairs, pull_on, solve_coupled
@@ -418,23 +421,14 @@ def jump_at(net: Net, lying: Lying, near: Array, on: Array, i: int) -> Vector:
 
 
 @viewing(forceinline=True)
-def pushed(net: Net, lying: Lying, near: Array, on: Array, i: int, fraction: float) -> float:
-    """[N], the push of a body on contact i with a fraction of the step."""
-    k, jump = net.where[i], jump_at(net, lying, near, on, i)
-    own = dot(jump, take3(near, k, NORMAL))
-    if on[k, SECOND] != BARE:
-        own, _ = split(near, k, jump)
-    return float(near[k, PRESS] + fraction * (own - near[k, PRESS]))
-
-
-@viewing(forceinline=True)
-def pushed_second(net: Net, lying: Lying, near: Array, on: Array, i: int, fraction: float) -> float:
-    """The same of the second body; 0 without one."""
+def pushed(net: Net, lying: Lying, near: Array, on: Array, i: int, fraction: float) -> Vector:
+    """[N], the pushes of up to three bodies on contact i with a fraction of the step; 0 of those that there are not."""
     k = net.where[i]
-    if on[k, SECOND] == BARE:
-        return 0.0
-    _, own = split(near, k, jump_at(net, lying, near, on, i))
-    return float(near[k, SECOND_PRESS] + fraction * (own - near[k, SECOND_PRESS]))
+    own = shares(near, on, k, jump_at(net, lying, near, on, i))
+    first = near[k, PRESS] + fraction * (own[0] - near[k, PRESS])
+    second = near[k, SECOND_PRESS] + fraction * (own[1] - near[k, SECOND_PRESS]) if on[k, SECOND] != BARE else 0.0
+    third = near[k, THIRD_PRESS] + fraction * (own[2] - near[k, THIRD_PRESS]) if on[k, THIRD] != BARE else 0.0
+    return first, second, third
 
 
 @viewing
@@ -443,8 +437,9 @@ def pulls(net: Net, lying: Lying, near: Array, on: Array, least: float) -> bool:
     count = 0
     for i in range(net.bare[N_KNOTS], net.ints[N_KNOTS]):
         k = net.where[i]
-        count += on[k, 0] != BARE and pushed(net, lying, near, on, i, 1.0) < -least
-        count += pushed_second(net, lying, near, on, i, 1.0) < -least
+        if on[k, 0] != BARE:
+            first, second, third = pushed(net, lying, near, on, i, 1.0)
+            count += min(first, second, third) < -least
         count += on[k, LINKED] == ACTIVE and pushed_apart(net, near, on, k, 1.0) < -least
     return count > 0
 
@@ -457,11 +452,11 @@ def forces_on(net: Net, lying: Lying, near: Array, on: Array, ends: Array, fract
         knot = plan.ends[x, 1]
         if knot >= net.bare[N_KNOTS]:
             if on[net.where[knot], 0] != BARE:
-                second = pushed_second(net, lying, near, on, knot, fraction)
-                if near[net.where[knot], MATE] != 0.0:
-                    go_along(near, on, net.where[knot], jump_at(net, lying, near, on, knot), fraction)
-                near[net.where[knot], PRESS] = pushed(net, lying, near, on, knot, fraction)
-                near[net.where[knot], SECOND_PRESS] = second
+                k = net.where[knot]
+                own = pushed(net, lying, near, on, knot, fraction)
+                if near[k, MATE] != 0.0:
+                    go_along(near, on, k, jump_at(net, lying, near, on, knot), fraction)
+                near[k, PRESS], near[k, SECOND_PRESS], near[k, THIRD_PRESS] = own
         elif plan.known[x] != 0:
             put3(ends, net.stretch[x], 0, get3(sol.lam, x))
         else:
@@ -525,9 +520,7 @@ def tell_pushes(net: Net, lying: Lying, near: Array, on: Array) -> None:
                 if on[k, LINKED] == ACTIVE:
                     jump = subtract(jump, scale(near[k, PUSHED], n))
                     jump = subtract(jump, pulled(lying.rubs[TRIAL], on, k, PULLED))
-                near[k, EXACT] = dot(jump, take3(near, k, NORMAL))
-                if on[k, SECOND] != BARE:
-                    near[k, EXACT], near[k, SECOND_EXACT] = split(near, k, jump)
+                near[k, EXACT], near[k, SECOND_EXACT], near[k, THIRD_EXACT] = shares(near, on, k, jump)
         for i in range(links.shape[0]):
             a, b = net.where[links[i, 0]], net.where[links[i, 1]]
             if turn == 0 and on[a, LINKED] == ACTIVE:

@@ -13,7 +13,6 @@ from cable_shape.kernels.contact.lay import copy_cable
 from cable_shape.kernels.contact.near import (
     BARE,
     CURVED,
-    FLATTEST,
     NONE,
     NORMAL,
     PRESS,
@@ -22,7 +21,10 @@ from cable_shape.kernels.contact.near import (
     SECOND_NORMAL,
     SECOND_PRESS,
     SPOT,
+    THIRD,
+    THIRD_NORMAL,
     tangent_of,
+    way_out,
 )
 from cable_shape.kernels.contact.tables import Net
 from cable_shape.kernels.network.compiled import part, viewing
@@ -87,17 +89,16 @@ def follow_body(net: Net, q: Array, near: Array, on: Array, body: int, origin: A
 
 @viewing
 def follow_corner(net: Net, near: Array, on: Array, i: int, k: int, body: int, origin: Array, axis: int) -> None:
-    """The same of contact i, at node k between two bodies."""
+    """The same of contact i, at node k between two bodies, or three."""
     model, work = model_of(net.ints, net.floats), work_of(net.ints, net.space)
     unit = (1.0 if axis % 3 == 0 else 0.0, 1.0 if axis % 3 == 1 else 0.0, 1.0 if axis % 3 == 2 else 0.0)
     way = unit if axis < 3 else cross(unit, subtract(take3(near, k, SPOT), get3(origin, 0)))
     n, m = take3(near, k, NORMAL), take3(near, k, SECOND_NORMAL)
     a = dot(way, n) if on[k, 0] == body else 0.0
     b = dot(way, m) if on[k, SECOND] == body else 0.0
-    c = dot(n, m)
-    f = 1.0 / max(1.0 - c * c, FLATTEST)
-    put3(model.given, i, 0, add(scale(f * (a - c * b), n), scale(f * (b - c * a), m)))
-    pull = NONE
+    c = dot(way, take3(near, k, THIRD_NORMAL)) if on[k, THIRD] == body else 0.0
+    put3(model.given, i, 0, way_out(near, on, k, a, b, c))
+    pull = NONE  # of what three hold nothing is to be balanced: no way is free
     if on[k, 0] == body:
         turn = NONE if axis < 3 else cross(unit, n)
         pull = scale(-near[k, PRESS], subtract(turn, apply(get9(near, k, CURVED), way)))

@@ -8,6 +8,7 @@ from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.near import (
     BARE,
+    CLOSED,
     CURVED,
     ENDED,
     GAP,
@@ -18,9 +19,13 @@ from cable_shape.kernels.contact.near import (
     SECOND_GAP,
     SECOND_NORMAL,
     SECOND_PRESS,
+    STEP,
+    THIRD,
+    THIRD_NORMAL,
+    THIRD_PRESS,
     let_go,
 )
-from cable_shape.kernels.rod_algebra import get9, put3, put9, take3
+from cable_shape.kernels.rod_algebra import cross, dot, get9, put3, put9, take3
 
 
 @kernel
@@ -31,13 +36,19 @@ def drop(near: Array, on: Array, s: Array, least: float, one: bool) -> int:
     """
     count = 0
     for k in range(near.shape[0]):
-        if on[k, SECOND] != BARE and min(near[k, PRESS], near[k, SECOND_PRESS]) < -least:
-            if near[k, PRESS] < near[k, SECOND_PRESS]:
+        if on[k, SECOND] == BARE:
+            continue
+        worst = min(near[k, PRESS], near[k, SECOND_PRESS], near[k, THIRD_PRESS])
+        if worst < -least:
+            if near[k, PRESS] == worst:
                 on[k, 0] = on[k, 1] = on[k, SECOND]
                 near[k, PRESS], near[k, GAP] = near[k, SECOND_PRESS], near[k, SECOND_GAP]
                 put3(near, k, NORMAL, take3(near, k, SECOND_NORMAL))
                 put9(near, k, CURVED, get9(near, k, SECOND_CURVED))
-            on[k, SECOND], near[k, SECOND_PRESS] = BARE, 0.0
+            if on[k, THIRD] == BARE or near[k, THIRD_PRESS] > worst:  # what is told of a third body is the second's
+                on[k, SECOND], near[k, SECOND_PRESS] = on[k, THIRD], near[k, THIRD_PRESS]
+                put3(near, k, SECOND_NORMAL, take3(near, k, THIRD_NORMAL))
+            on[k, THIRD], near[k, THIRD_PRESS] = BARE, 0.0
             count += 1
     if count > 0 and one:
         return count
@@ -105,11 +116,21 @@ def misplaced(near: Array, on: Array) -> float:
 def meet(near: Array, on: Array, deepest: float) -> int:
     """Makes corners of the contacts that are deeper in another body than `deepest` [m]; returns how many.
 
-    What there is of the first body has to be looked for again.
+    What there is of the first body has to be looked for again. A third body holds a node only if it does not press in
+    the plane of both others: else one of these lets go.
     """
     count = 0
     for k in range(1, near.shape[0] - 1):
-        if on[k, 0] != BARE and on[k, 1] != BARE and on[k, 1] != on[k, 0] and on[k, SECOND] == BARE:
+        if on[k, 0] == BARE or on[k, 1] == BARE or on[k, 1] == on[k, 0]:
+            continue
+        if on[k, SECOND] != BARE and on[k, THIRD] == BARE and near[k, GAP] < -deepest:
+            first, o = take3(near, k, STEP), take3(near, k, NORMAL)  # see `look`
+            if abs(dot(o, cross(first, take3(near, k, SECOND_NORMAL)))) > CLOSED:
+                on[k, THIRD], on[k, 1] = on[k, 1], on[k, 0]
+                put3(near, k, THIRD_NORMAL, o)
+                near[k, THIRD_PRESS] = 0.0
+                count += 1
+        elif on[k, SECOND] == BARE:
             if near[k, GAP] < -deepest:
                 on[k, SECOND] = on[k, 1]
                 put3(near, k, SECOND_NORMAL, take3(near, k, NORMAL))

@@ -17,7 +17,18 @@ from cable_shape.checks import Array
 from cable_shape.kernels.contact import check, knots, lay
 from cable_shape.kernels.contact.between import guard_between
 from cable_shape.kernels.contact.guard import guard
-from cable_shape.kernels.contact.near import BARE, NORMAL, PRESS, RUB, SECOND, SECOND_NORMAL, SECOND_PRESS, SPOT
+from cable_shape.kernels.contact.near import (
+    BARE,
+    NORMAL,
+    PRESS,
+    RUB,
+    SECOND,
+    SECOND_NORMAL,
+    SECOND_PRESS,
+    SPOT,
+    THIRD_NORMAL,
+    THIRD_PRESS,
+)
 from cable_shape.kernels.network import props, tables
 from cable_shape.kernels.network.motion import N_PROPS
 from cable_shape.kernels.network.settle import I_EXCESS, I_FORCE, I_ITERATIONS
@@ -113,6 +124,7 @@ class Road:
                 if k > a and on[k, 0] != BARE:
                     pull = pull + near[k, PRESS] * near[k, NORMAL : NORMAL + 3] + near[k, RUB : RUB + 3]
                     pull = pull + near[k, SECOND_PRESS] * near[k, SECOND_NORMAL : SECOND_NORMAL + 3]
+                    pull = pull + near[k, THIRD_PRESS] * near[k, THIRD_NORMAL : THIRD_NORMAL + 3]
         settling.motion.kept[...] = settling.motion.lam
         known = near[self.rows, SPOT : SPOT + 3].any(axis=1)  # nodes are new where the mesh is finer than it was
         off, s = near[self.rows[known], SPOT : SPOT + 3] - self.places[known], settling.model.s
@@ -366,8 +378,8 @@ class Road:
         body, push, normal = self.pushes()
         rubbed = pulls(settling.motion.rough, self.places)
         q, near, on = state.q[NOW], state.near[NOW], state.on[NOW]
-        on[:, :2] = on[:, SECOND] = BARE
-        near[:, PRESS] = near[:, SECOND_PRESS] = 0.0
+        on[:, :2] = on[:, SECOND:] = BARE
+        near[:, [PRESS, SECOND_PRESS, THIRD_PRESS]] = 0.0
         near[:, RUB : RUB + 3] = 0.0
         for row, k in enumerate(self.rows):
             q[k] = now.q[row]

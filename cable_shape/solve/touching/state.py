@@ -26,6 +26,8 @@ from cable_shape.kernels.contact.near import (
     SECOND,
     SECOND_PRESS,
     SPOT,
+    THIRD,
+    THIRD_PRESS,
     TOWARD,
 )
 from cable_shape.kernels.contact.pair_friction import PULLED, SLIPS, remember_pairs
@@ -221,7 +223,7 @@ class TouchState(Laid):
         pairs = ((self._arcs, other._arcs), (self._stops, other._stops), (other.positions, self.seen(shape)))
         if not (alike and all(np.array_equal(a, b) for a, b in pairs)):
             return False
-        pressed = np.union1d(other.on[:2, :, [0, 1, SECOND]], other.near[:2, :, MATE] - 1.0).astype(int)
+        pressed = np.union1d(other.on[:2, :, [0, 1, SECOND, THIRD]], other.near[:2, :, MATE] - 1.0).astype(int)
         names, then = self.bodies.names, other.bodies.names
         if any(k >= len(names) or names[k] != then[k] for k in pressed[pressed >= 0]):
             return False
@@ -277,7 +279,7 @@ class TouchState(Laid):
 
     def touches(self) -> Array:
         """(k, TOUCH), the contacts of the last solution as `check.touches` has them."""
-        out = np.empty((2 * self.elements, check.TOUCH))
+        out = np.empty((3 * self.elements, check.TOUCH))
         return out[: check.touches(self.nodes, self.near[NOW], self.on[NOW], self.thick, out)]
 
     def copy(self, *, then: bool = False) -> Kept:
@@ -406,7 +408,7 @@ class TouchState(Laid):
     def pull_less(self, less: float) -> None:
         """Divides the last solution's forces, as of a cable that gives so much more."""
         self.ends[NOW] /= less
-        for column in (PRESS, SECOND_PRESS, *range(RUB, RUB + 3), *range(HELD, HELD + 3)):
+        for column in (PRESS, SECOND_PRESS, THIRD_PRESS, *range(RUB, RUB + 3), *range(HELD, HELD + 3)):
             self.near[NOW, :, column] /= less
         self.eyelets[NOW][:, [FROM_PULL, TO_PULL]] /= less
 
