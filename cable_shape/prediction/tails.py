@@ -15,6 +15,7 @@ import copy
 from collections.abc import Iterable, Mapping
 from typing import final
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
@@ -103,7 +104,7 @@ class Tail:
 
     def begin(self, shape: CableShape, frame: Pose, links: Mapping[str, Pose] | None) -> None:
         """Goes on from a shape at a grip with this cable frame, with the links there."""
-        self.predictor.begin(shape, (self._own(frame), None), links)
+        self.predictor.begin(_spread(shape, self.predictor.problem.points), (self._own(frame), None), links)
 
     def _own(self, frame: Pose) -> Pose:
         """The frame in which it begins."""
@@ -128,6 +129,25 @@ class Tail:
 def runs(side: str, length: float) -> tuple[float, float]:
     """Where on a span of `length` [m] the tail at this side begins, and whether it runs on (1) or back (-1)."""
     return (0.0, -1.0) if side == "start" else (length, 1.0)
+
+
+def _spread(shape: CableShape, points: int) -> CableShape:
+    """The shape at so many points."""
+    n = shape.points
+    if n == points:
+        return shape
+    at, own = np.linspace(0.0, 1.0, points), np.linspace(0.0, 1.0, n)
+    columns = [column for first, size in ((0, 1), (1, 3), (4, 4), (8, 3), (11, 3), (14, 3))
+               for column in shape.buffer[first * n : (first + size) * n].reshape(n, size).T]  # fmt: skip
+    made = [np.interp(at, own, column) for column in columns]
+    other = shape.again()
+    other.buffer = CableShape.new_buffer(points)
+    for first, size in ((0, 1), (1, 3), (4, 4), (8, 3), (11, 3), (14, 3)):
+        rows = np.stack(made[first : first + size], axis=1)
+        rows = rows / np.linalg.norm(rows, axis=1, keepdims=True) if first == 4 else rows
+        other.buffer[first * points : (first + size) * points] = rows.ravel()
+    other.points = points
+    return other
 
 
 def _bodies_of(scene: Scene) -> Scene | None:
