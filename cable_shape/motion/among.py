@@ -48,6 +48,9 @@ _AT_REST, _CLOSED = 1e-7, 1e-7
 _NO_GAP: Array = np.zeros(1)
 
 
+_SHORT = 0.02  #: the longest of them where longer ones go round in circles, for pairs are found anew in each
+
+
 class Lying(NamedTuple):
     """Cables as they are as one long one, `gaps` (c,) [m] added to the arc lengths of each; all have as many points."""
 
@@ -192,15 +195,17 @@ class Among:
 
         If it does not in minding itself, as if it did not.
         """
-        if self._rest(settling, memory, remembered, lying, self.skin):
-            return True
+        for longest in (_LONGEST, _SHORT) if len(self.skin.touching) else (_LONGEST,):
+            if self._rest(settling, memory, remembered, lying, self.skin, longest):
+                return True
         alone = self.skin._replace(touching=self.skin.touching[:0])
         return len(self.skin.touching) > 0 and self._rest(settling, memory, remembered, lying, alone)
 
     def _rest(
-        self, settling: Settling, memory: Momentum, remembered: Array, lying: Lying, skin: Skin
+        self, settling: Settling, memory: Momentum, remembered: Array, lying: Lying, skin: Skin,
+        most: float = _LONGEST,
     ) -> bool:  # fmt: skip
-        """The same with what may be touched."""
+        """The same with what may be touched, in steps of at most so many units."""
         lay(settling, lying)
         motion, dt, far = settling.motion, _FIRST * settling.unit, LARGEST_TURN
         for _ in range(_MOST):
@@ -219,7 +224,7 @@ class Among:
                         met = (pairs[:, HOLDER] == PAIRED) & (pairs[:, PUSH] > 0.0)
                         self.skin.log[0, swung.MET] = met.any()
                         return True
-                    dt = min(_LONGER * dt, _LONGEST * settling.unit)
+                    dt = min(_LONGER * dt, most * settling.unit)
                     continue
             for array, old in zip(state, kept, strict=True):
                 array[...] = old
