@@ -43,12 +43,11 @@ _REACH, _FIRM = 0.05, 100.0
 #: Steps in time to rest, in units of `Settling.unit`: the first, the longest, the shortest; how many there may be.
 _FIRST, _LONGEST, _SHORTEST, _MOST = 1e-2, 30.0, 1e-9, 300
 _LONGER, _SHORTER = 4.0, 0.2
+#: The longest step where longer ones go round in circles: pairs are found anew in each.
+_SHORT = 0.02
 #: What drag may still take, of the largest force, and how far [m] nodes may be from planes that press them, at rest.
 _AT_REST, _CLOSED = 1e-7, 1e-7
 _NO_GAP: Array = np.zeros(1)
-
-
-_SHORT = 0.02  #: the longest of them where longer ones go round in circles, for pairs are found anew in each
 
 
 class Lying(NamedTuple):

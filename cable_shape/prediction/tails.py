@@ -26,6 +26,7 @@ from cable_shape.pose import Grip, Pose, as_grip
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
+from cable_shape.solve.mesh import interpolated
 from cable_shape.solve.problem import GRAVITY, MAX_POINTS, MIN_POINTS, TAIL_TOLERANCE
 
 _BACKWARDS = Pose(quaternion=(1.0, 0.0, 0.0, 0.0))  # half a turn about d1
@@ -137,16 +138,17 @@ def _spread(shape: CableShape, points: int) -> CableShape:
     if n == points:
         return shape
     at, own = np.linspace(0.0, 1.0, points), np.linspace(0.0, 1.0, n)
-    columns = [column for first, size in ((0, 1), (1, 3), (4, 4), (8, 3), (11, 3), (14, 3))
-               for column in shape.buffer[first * n : (first + size) * n].reshape(n, size).T]  # fmt: skip
-    made = [np.interp(at, own, column) for column in columns]
+    out, first = CableShape.new_buffer(points), 0
+    for size in (1, 3, 4, 3, 3, 3):  # see `CableShape`
+        rows = shape.buffer[first * n : (first + size) * n].reshape(n, size)
+        if size == 4:
+            found = interpolated(at, own, rows)
+        else:
+            found = np.stack([np.interp(at, own, column) for column in rows.T], axis=1)
+        out[first * points : (first + size) * points] = found.ravel()
+        first += size
     other = shape.again()
-    other.buffer = CableShape.new_buffer(points)
-    for first, size in ((0, 1), (1, 3), (4, 4), (8, 3), (11, 3), (14, 3)):
-        rows = np.stack(made[first : first + size], axis=1)
-        rows = rows / np.linalg.norm(rows, axis=1, keepdims=True) if first == 4 else rows
-        other.buffer[first * points : (first + size) * points] = rows.ravel()
-    other.points = points
+    other.buffer, other.points = out, points
     return other
 
 

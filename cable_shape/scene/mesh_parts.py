@@ -16,7 +16,6 @@ from importlib.metadata import version
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, lacking
@@ -35,8 +34,6 @@ SETTINGS: dict[str, Any] = {"preprocess_mode": "off", "mcts_iterations": 100, "m
 SAMPLES = 20_000
 #: Of the size of a mesh: where two parts are nearer to each other than this lies a seam, into which no cable comes.
 _SEAM = 1e-3
-
-
 #: Of how far points are apart: the least radius.
 _DENSE = 0.75
 
@@ -162,6 +159,8 @@ def _divide(coacd: Any, mesh: Mesh, concavity: float) -> tuple[Mesh, ...]:
 
 def _hull(points: Array) -> Mesh | None:
     """The convex hull of points (n, 3), triangles counter-clockwise from outside; None: it is flat."""
+    from scipy.spatial import ConvexHull, QhullError
+
     try:
         hull = ConvexHull(points)
     except QhullError:

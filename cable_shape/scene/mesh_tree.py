@@ -6,7 +6,6 @@ import functools
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
@@ -68,6 +67,8 @@ def spheres_tables(solid: Points | HeightField) -> tuple[Array, Array, float]:
 
     That is how far most have their fourth neighbour, 0 of a single one: on a lattice, its spacing.
     """
+    from scipy.spatial import KDTree
+
     centres = solid.centres
     order, nodes = _tree(centres[:, None])
     table = np.zeros((len(centres), TRIANGLE_COLUMNS))
