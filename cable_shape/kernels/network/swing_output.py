@@ -5,15 +5,30 @@ from __future__ import annotations
 import math
 
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.network.compiled import inline, viewing
+from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.momentum import Momentum, force_of_mass, momentum_of, of_mass
-from cable_shape.kernels.network.motion import Motion, lever_torque, motion_of
+from cable_shape.kernels.network.motion import N_PROPS, Motion, lever_torque, motion_of
 from cable_shape.kernels.network.newton import CONVERGED
+from cable_shape.kernels.network.props import (
+    COUNTER,
+    DRY,
+    ELEMENT,
+    HOLDER,
+    NORMAL,
+    OTHER,
+    PAIRED,
+    PARTNER,
+    PUSH,
+    SHARE,
+    WEIGHTS,
+    half_now,
+)
 from cable_shape.kernels.network.swinging import step
 from cable_shape.kernels.network.tables import (
     ELASTIC,
     NOW,
     Floats,
+    Model,
     Plan,
     Solution,
     Whole,
@@ -23,7 +38,19 @@ from cable_shape.kernels.network.tables import (
     solution_of,
     work_of,
 )
-from cable_shape.kernels.rod_algebra import Vector, add, get3, put3, scale, subtract, take3
+from cable_shape.kernels.rod_algebra import (
+    Vector,
+    add,
+    cross,
+    get3,
+    get4,
+    put3,
+    rotation,
+    scale,
+    subtract,
+    take3,
+    tapply,
+)
 from cable_shape.kernels.rod_output import INTERPOLATION, S_GAP, S_TWIST, SUMS, sample_cable
 
 
@@ -73,6 +100,54 @@ def tell(
                 x = (k * apart - model.s[node]) / model.h[e]
                 put3(velocity, points * c + k, 0, between(memory, node, model.h[e], x))
             i = max(i, to)
+    for k in range(int(motion.par[N_PROPS])):
+        tell_inside(plan, model, motion, sol, k, ELEMENT, WEIGHTS, points, out)
+        if motion.props[k, HOLDER] == PAIRED:
+            tell_inside(plan, model, motion, sol, k, PARTNER, COUNTER, points, out)
+
+
+@viewing
+def tell_inside(
+    plan: Plan, model: Model, motion: Motion, sol: Solution, k: int, element: int, w: int, points: int, out: Floats
+) -> None:  # fmt: skip
+    """Has forces and moments, and what those bend, jump where what holds a point inside an element acts, not at nodes.
+
+    element, w: the columns of point k, see `props`, of the element and its weights. Elsewhere both are the same.
+    """
+    props = motion.props
+    e = int(props[k, element])
+    c = 0
+    for cable in range(plan.cables.shape[0] - 1):
+        c = cable if plan.first[plan.cables[cable]] <= e else c
+    last = plan.cables[c + 1] - 1
+    node = plan.left[e]
+    F = add(scale(props[k, PUSH], take3(props, k, NORMAL)), take3(props, k, DRY))
+    at = half_now(plan, motion, sol, k, element, w)
+    whole = props[k, w] + props[k, w + 1]  # 1, or of the second element of a pair -1
+    R = rotation(get4(sol.q, node))
+    M = scale(props[k, w + 2], cross((R[2], R[5], R[8]), F))
+    origin, stiff = get3(motion.place, node), take3(model.section, e, 0)
+    apart = model.s[plan.first[last + 1] + last] / (points - 1)
+    share = props[k, SHARE if element == ELEMENT else OTHER]
+    begin = 17 * points * c
+    places, frames = part(out, begin + points, (points, 3)), part(out, begin + 4 * points, (points, 4))
+    bends, forces = part(out, begin + 8 * points, (points, 3)), part(out, begin + 11 * points, (points, 3))
+    moments = part(out, begin + 14 * points, (points, 3))
+    a, h = model.s[node], model.h[e]
+    i = math.ceil(a / apart - 1e-9)
+    to = points if e == plan.first[last + 1] - 1 else min(points, math.ceil((a + h) / apart - 1e-9))
+    while i < to:
+        r = get3(places, i)
+        f = scale(props[k, w], F)
+        m = subtract(M, cross(subtract(r, origin), f))
+        if i * apart > a + share * h:
+            f = subtract(f, scale(whole, F))
+            m = add(m, cross(subtract(scale(whole, r), at), F))
+        put3(forces, i, 0, add(get3(forces, i), f))
+        put3(moments, i, 0, add(get3(moments, i), m))
+        own = tapply(rotation(get4(frames, i)), m)
+        put3(bends, i, 0, add(get3(bends, i), (own[0] / stiff[0], own[1] / stiff[1], own[2] / stiff[2])))
+        i += 1
 
 
 @inline
