@@ -125,6 +125,11 @@ class Motion(Traced):
         return {name: knot for knot, name in enumerate(names)}, len(names)
 
     @property
+    def unrest(self) -> float:
+        """[N], what inertia and drag of all of the cable take after the last step; 0 before it has begun."""
+        return 0.0 if self._swing is None else self._swing.unrest
+
+    @property
     def last(self) -> CableShape:
         """The last shape.
 

@@ -346,6 +346,13 @@ class Swing:
         return int(self.solution.turns[0])
 
     @property
+    def unrest(self) -> float:
+        """[N], what inertia and drag take of all nodes between those held, in the last part of the last step."""
+        motion = self.motion
+        between = motion.lever == 0.0
+        return float((motion.hold * np.linalg.norm(motion.place - motion.aim, axis=1))[between].sum())
+
+    @property
     def energy(self) -> float:
         """[J], elastic energy less loads . places."""
         return float(self.memory.par[ENERGY])

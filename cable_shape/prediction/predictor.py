@@ -19,7 +19,8 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import NOT_GIVEN, FreeEnd, Grip, Pose, both_given, one_mapping
 from cable_shape.prediction.reuse import Ends, Links, kept, unmoved
-from cable_shape.prediction.solvers import MODELS, ClosedForm, Memory, Rod, solver_of
+from cable_shape.prediction.sliding import Sliding
+from cable_shape.prediction.solvers import MODELS, ClosedForm, Memory, Rod, Solver, solver_of
 from cable_shape.scene.mesh_parts import divided
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
@@ -120,6 +121,11 @@ class Predictor:
         self.time_budget = math.inf if time_budget is None else float(time_budget)
         self._others: tuple[Crossing, int] | None = None
         self._crossing = self._with_itself()
+        self._sliding: Sliding | None = None
+        if isinstance(self._solver, Rod) and friction and time_budget is None:
+            options = {"gravity": gravity, "distributed_load": distributed_load}
+            carried = {key: self._problem_of.keywords[key] for key in ("robot_links", "gripping_links")}
+            self._sliding = Sliding(self._solver, options | carried)
 
     @property
     def cable(self) -> Cable:
@@ -190,7 +196,8 @@ class Predictor:
         problem = self.problem
         if self._last is not None and unmoved(self._last_ends, self._last_links, problem):
             return self._last.again()
-        shape = self._solver.solve(problem)
+        solver: Solver | Sliding = self._sliding if self._sliding and problem.bodies else self._solver
+        shape = solver.solve(problem)
         self._last = shape
         self._last_ends = (problem.start, problem.end)
         self._last_links = kept(problem.links)
@@ -204,6 +211,7 @@ class Predictor:
         if self.problem.bodies:
             self._solver.go_on_from(self.problem, shape, frames, links)
             self._last = None
+            self._forget_where()
 
     def begin(
         self,
@@ -227,6 +235,7 @@ class Predictor:
         self.head_for(cable, scene)
         self.problem.move(*ends, links)
         self._solver.begin(self.problem, shape, memory, loose=loose)
+        self._forget_where()
         self._others = None
         if self._crossing is not None and self._crossing.is_of(self.problem):
             self._crossing.reset()
@@ -276,8 +285,14 @@ class Predictor:
         """Forgets the last solution: the next one starts cold."""
         self._solver.reset()
         self._last = None
+        self._forget_where()
         if self._crossing is not None:
             self._crossing.reset()
+
+    def _forget_where(self) -> None:
+        """The cable does not go on from where it was last."""
+        if self._sliding is not None:
+            self._sliding.forget()
 
     def join(self, crossing: Crossing, index: int) -> None:
         """Leaves what its cable touches, itself included, to `crossing`, in which it has the number `index`."""
@@ -401,6 +416,7 @@ class Predictor:
         other: Predictor = object.__new__(Predictor)  # __new__ looks at what the cable is
         vars(other).update(vars(self))
         other.problem, other._crossing, other._others = copy.copy(self.problem), None, None
+        other._sliding = None
         if self._still is self.problem:
             other._still = other.problem
         other._solver = self._solver.twin(other.problem, self._last)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from time import perf_counter
-from typing import Protocol, final
+from typing import Any, Protocol, final
 
 import numpy as np
 
@@ -72,6 +72,10 @@ class ClosedForm:
         return None
 
 
+#: Times as many elements as usual where a shape in contact is told by another mesh: a coarse one is held elsewhere.
+_FINER = 2.5
+
+
 @final
 class Rod:
     """The Cosserat rod, in clips, in contact or neither; its warm start is the last solution with its mesh."""
@@ -100,6 +104,14 @@ class Rod:
             self._resume(problem, shape)  # out of contact: the branch goes on
         return shape
 
+    def put_aside(self) -> tuple[Any, ...]:
+        """What it remembers, for `put_back`: `begin` makes it anew and leaves this as it is."""
+        return self.state, self._touch, self._loose
+
+    def put_back(self, aside: tuple[Any, ...]) -> None:
+        """Makes what was put aside its memory again."""
+        self.state, self._touch, self._loose = aside
+
     @property
     def touching(self) -> bool:
         """Whether the last shape is in contact with a body."""
@@ -113,7 +125,11 @@ class Rod:
             self._spare = None
         return self.state
 
-    def begin(self, problem: Problem, shape: CableShape, memory: Memory = None, *, loose: bool = False) -> None:
+    def begin(
+        self, problem: Problem, shape: CableShape, memory: Memory = None, *, loose: bool = False, near: bool = False
+    ) -> None:
+        """Makes a shape the last one; near: one in contact that is told by another mesh, next to which the solver's is
+        looked for, and nowhere else."""
         self._loose, self._touch = loose, None
         if loose or problem.bodies:
             self._touch = touch = TouchState(problem)
@@ -123,7 +139,9 @@ class Rod:
                 if loose:
                     touch.lie(shape, frames)
                 else:
-                    touch.resume(shape, frames)
+                    touch.resume(shape, frames, _FINER if near else 1.0)
+            if near:
+                touch.patience.fail()
             if touch.touching and not isinstance(memory, Network):
                 self.state = None  # the rod without contact is made where it comes out of contact
                 return

@@ -86,7 +86,7 @@ def test_rooms_make_no_circle_and_no_long_chain():
     height: dict[str, int] = {}
     for room in TopologicalSorter(graph).static_order():  # a circle ends it
         height[room] = 1 + max((height[other] for other in graph.get(room, ())), default=0)
-    assert max(height.values()) <= 17, height
+    assert max(height.values()) <= 18, height
 
 
 def test_imports_follow_the_road():

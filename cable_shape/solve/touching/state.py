@@ -197,17 +197,17 @@ class TouchState(Laid):
         """Elements that a cable has at first."""
         return self._count
 
-    def resume(self, shape: CableShape, frames: Array) -> None:
-        """Makes an equilibrium that another solver has found the last one, in contact or not."""
+    def resume(self, shape: CableShape, frames: Array, finer: float = 1.0) -> None:
+        """Makes an equilibrium that another solver has found the last one, in contact or not; finer: of its mesh."""
         self.unfactored()
         if len(resume.pressed_rows(self.whole(shape), self.bodies.names)):
-            self.lie(shape, frames)
+            self.lie(shape, frames, finer)
         else:
             self.rest(shape, frames)
 
-    def lie(self, shape: CableShape, frames: Array) -> None:
+    def lie(self, shape: CableShape, frames: Array, finer: float = 1.0) -> None:
         """Makes it the last one as one in contact, which is followed among the bodies wherever it goes."""
-        self.start_from(shape, frames)
+        self.start_from(shape, frames, finer)
         self.touching = True
         self.remember(self.seen(shape))
 

@@ -36,7 +36,7 @@ from cable_shape.solve.touching.step import DEEPEST, FAR, WARM_ITERATIONS, Steps
 #: Of the layers of the last mesh: of thinner ones a new one is made.
 _THINNER = 0.7
 BURIED = 2e-4  #: [m] a grip deeper in a body than this has no shape
-_STUCK = (
+STUCK = (
     "no way from the last shape leads to one between these ends but past an obstacle, behind which the cable cannot "
     "have come. It stays so until the ends are back where a way leads on, or until reset: then any shape is taken. "
 )
@@ -158,10 +158,10 @@ class Solve:
         state.put_back(reached)
         state.move_bodies(steps.links)
         if not self.leaps:
-            return self._no_shape(Status.NOT_CONVERGED, _STUCK)
+            return self._no_shape(Status.NOT_CONVERGED, STUCK)
         if state.patience.left > 0 and not steps.late:
             state.patience.left -= 1
-            return self._no_shape(Status.NOT_CONVERGED, _STUCK)
+            return self._no_shape(Status.NOT_CONVERGED, STUCK)
         rubbed, state.rubs = state.rubs and state.has_friction, False
         if rubbed:  # what sticks may leave no way
             shape = self._by_road(frames)
@@ -183,7 +183,7 @@ class Solve:
         if steps.out_of_time():
             return self._no_shape(Status.BUDGET_EXCEEDED, "")
         state.patience.fail()
-        return self._no_shape(Status.NOT_CONVERGED, _STUCK)
+        return self._no_shape(Status.NOT_CONVERGED, STUCK)
 
     def _onward(self, frames: Array) -> tuple[CableShape | None, tuple[Any, ...]]:
         """By Newton's method, or by the road; None if neither leads there. And how far that came, or nothing."""

@@ -1,0 +1,116 @@
+"""Where no small steps lead on, a cable in contact slides to where it comes to rest: :class:`Sliding`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, final
+
+import numpy as np
+
+from cable_shape.prediction.reuse import Ends, Links, kept
+from cable_shape.prediction.solvers import Rod
+from cable_shape.shape import CableShape, Status
+from cable_shape.solve.problem import Problem
+from cable_shape.solve.rod_common import Patience
+from cable_shape.solve.touching.touching import ACCURACY, STUCK
+
+Where = tuple[Ends, Links]
+_FEWEST_POINTS = 8  #: of a shape from which a motion goes on
+_BESIDE = 0.01  #: of the length: an equilibrium further from where the cable came to rest is another one
+_FAR = 0.02  #: of the length: a cable that comes to rest further away from where it was has snapped
+
+
+@final
+class Sliding:
+    """The last usable shape of one cable, from which it goes on as one that moves where its `solver` is stuck.
+
+    options: of :class:`cable_shape.Motion`: gravity, loads, bodies on links.
+    """
+
+    def __init__(self, solver: Rod, options: Mapping[str, Any]) -> None:
+        self._solver, self._options = solver, options
+        self._last: tuple[CableShape, Where] | None = None
+        self._aside: Any = None  # the solver's memory, where what it remembers now is told by a motion
+        self._patience = Patience()
+
+    def forget(self) -> None:
+        """The next shape goes on from none."""
+        self._last = self._aside = None
+        self._patience.succeed()
+
+    def solve(self, problem: Problem) -> CableShape:
+        """The solver's shape; where it is stuck or leaps, one where the cable comes to rest as it moves there.
+
+        That is the equilibrium which the solver finds where a motion from the last shape ends, or, where it is stuck
+        and finds none there, what two meshes of the motion agree on. Its memory is of that, then, until it goes on:
+        from its own last shape.
+        """
+        if self._aside is not None:
+            self._solver.put_back(self._aside)
+            self._aside = None
+        return self._followed(self._solver.solve(problem), problem)
+
+    def _followed(self, shape: CableShape, problem: Problem) -> CableShape:
+        """What becomes of a shape of the solver."""
+        where, last = ((problem.start, problem.end), kept(problem.links)), self._last
+        if last is None or not (self._solver.leaps and _may(last[0], problem)):
+            return self._remember(shape, where)
+        stuck = shape.detail.startswith(STUCK)
+        if stuck and self._patience.left > 0:
+            self._patience.left -= 1
+            return shape
+        if not (stuck or _leaps(shape, last[0])):
+            return self._remember(shape, where)
+        found = self._slid(last, where, problem, leaps=shape.usable)
+        if found is None:
+            if stuck:
+                self._patience.fail()
+            return self._remember(shape, where)
+        if found.status is Status.OK and _apart(found, last[0]) > _FAR * found.length:
+            found.status, found.detail = Status.SNAPPED, Status.SNAPPED.remedy
+        self._patience.succeed()
+        return self._remember(found, where)
+
+    def _remember(self, shape: CableShape, where: Where) -> CableShape:
+        """Goes on from a shape, if it is usable."""
+        if shape.usable:
+            self._last = shape, where
+        return shape
+
+    def _slid(
+        self, last: tuple[CableShape, Where], where: Where, problem: Problem, *, leaps: bool
+    ) -> CableShape | None:
+        """Where the cable comes to rest; None if that is not known. leaps: the solver has come elsewhere."""
+        from cable_shape.motion.rest import led_to_rest  # when it is first needed: it takes a while to load
+
+        solver, coarser = self._solver, None
+        for rest in led_to_rest(problem.cable, *last, where, problem.scene, self._options):
+            aside = solver.put_aside()
+            solver.begin(problem, rest, near=True)
+            found = solver.solve(problem)
+            if found.usable and _apart(found, rest) < _BESIDE * rest.length:
+                return found
+            solver.put_back(aside)
+            if coarser is not None and not leaps:
+                rest.error_estimate += _apart(rest, coarser)
+                if rest.error_estimate <= max(problem.tolerance, ACCURACY * rest.length):
+                    self._aside = aside
+                    solver.begin(problem, rest, near=True)
+                    return rest
+            coarser = rest
+        return None
+
+
+def _may(last: CableShape, problem: Problem) -> bool:
+    """Whether there is a motion of the problem's cable from that shape on."""
+    return last.length == problem.cable.length and last.points >= _FEWEST_POINTS and problem.acceleration is None
+
+
+def _leaps(shape: CableShape, last: CableShape) -> bool:
+    """Whether no small steps have led to a shape of the solver: then nothing but bodies tells how it came there."""
+    return shape.status is Status.SNAPPED and _apart(shape, last) > _FAR * shape.length
+
+
+def _apart(one: CableShape, other: CableShape) -> float:
+    """[m], how far two shapes are apart at most."""
+    return float(np.linalg.norm(one.positions - other.positions, axis=1).max())
