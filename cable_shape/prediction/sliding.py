@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from time import perf_counter
 from typing import Any, final
 
 import numpy as np
@@ -45,10 +46,17 @@ class Sliding:
         and finds none there, what two meshes of the motion agree on. Its memory is of that, then, until it goes on:
         from its own last shape.
         """
-        if self._aside is not None:
+        began, told = perf_counter(), self._aside is not None
+        if told:
             self._solver.put_back(self._aside)
             self._aside = None
-        return self._followed(self._solver.solve(problem), problem)
+        shape = self._solver.solve(problem)
+        if told and self._last is not None and shape.status is Status.OK:
+            _note_snap(shape, self._last[0])  # the solver has gone on from another shape than the last one
+        found = self._followed(shape, problem)
+        if found is not shape:
+            found.solve_time = perf_counter() - began
+        return found
 
     def _followed(self, shape: CableShape, problem: Problem) -> CableShape:
         """What becomes of a shape of the solver."""
@@ -66,8 +74,8 @@ class Sliding:
             if stuck:
                 self._patience.fail()
             return self._remember(shape, where)
-        if found.status is Status.OK and _apart(found, last[0]) > _FAR * found.length:
-            found.status, found.detail = Status.SNAPPED, Status.SNAPPED.remedy
+        if found.status is Status.OK:
+            _note_snap(found, last[0])
         self._patience.succeed()
         return self._remember(found, where)
 
@@ -109,6 +117,12 @@ def _may(last: CableShape, problem: Problem) -> bool:
 def _leaps(shape: CableShape, last: CableShape) -> bool:
     """Whether no small steps have led to a shape of the solver: then nothing but bodies tells how it came there."""
     return shape.status is Status.SNAPPED and _apart(shape, last) > _FAR * shape.length
+
+
+def _note_snap(shape: CableShape, last: CableShape) -> None:
+    """Says so of a shape that is far from the last one."""
+    if _apart(shape, last) > _FAR * shape.length:
+        shape.status, shape.detail = Status.SNAPPED, Status.SNAPPED.remedy
 
 
 def _apart(one: CableShape, other: CableShape) -> float:
