@@ -12,7 +12,6 @@ from cable_shape.prediction.reuse import Ends, Links, kept
 from cable_shape.prediction.solvers import Rod
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.problem import Problem
-from cable_shape.solve.rod_common import Patience
 from cable_shape.solve.touching.touching import ACCURACY, STUCK
 
 Where = tuple[Ends, Links]
@@ -32,12 +31,12 @@ class Sliding:
         self._solver, self._options = solver, options
         self._last: tuple[CableShape, Where] | None = None
         self._aside: Any = None  # the solver's memory, where what it remembers now is told by a motion
-        self._patience = Patience()
+        self._waits = False  # whether the next step is let pass: what has just failed takes long
 
     def forget(self) -> None:
         """The next shape goes on from none."""
         self._last = self._aside = None
-        self._patience.succeed()
+        self._waits = False
 
     def solve(self, problem: Problem) -> CableShape:
         """The solver's shape; where it is stuck or leaps, one where the cable comes to rest as it moves there.
@@ -64,19 +63,17 @@ class Sliding:
         if last is None or not (self._solver.leaps and _may(last[0], problem)):
             return self._remember(shape, where)
         stuck = shape.detail.startswith(STUCK)
-        if stuck and self._patience.left > 0:
-            self._patience.left -= 1
+        if stuck and self._waits:
+            self._waits = False
             return shape
         if not (stuck or _leaps(shape, last[0])):
             return self._remember(shape, where)
         found = self._slid(last, where, problem, leaps=shape.usable)
         if found is None:
-            if stuck:
-                self._patience.fail()
+            self._waits = stuck
             return self._remember(shape, where)
         if found.status is Status.OK:
             _note_snap(found, last[0])
-        self._patience.succeed()
         return self._remember(found, where)
 
     def _remember(self, shape: CableShape, where: Where) -> CableShape:
