@@ -89,8 +89,8 @@ def print_road(figures: Figures) -> None:
     roads: list[bool] = []
     went = Road.go
 
-    def go(road: Road, frames: np.ndarray) -> bool:
-        roads.append(went(road, frames))
+    def go(road: Road, *way: Any) -> bool:
+        roads.append(went(road, *way))
         return roads[-1]
 
     with patch.object(Road, "go", go):

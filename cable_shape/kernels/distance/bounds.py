@@ -20,6 +20,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.distance.distance import (
+    HALF_SPACE,
     MESH,
     SPHERES,
     box_distance,
@@ -88,11 +89,55 @@ def closest_points(
         low, high = -np.inf, np.inf
         if body[12] != 0.0:
             low, high = arc_length[0] + exclusion, arc_length[pieces] - exclusion
+        if body[0] == HALF_SPACE:
+            _closest_to_plane(positions, arc_length, low, high, radius, horizon + radius, frame, result[m], counts)
+            continue
         _closest_to_body(
             positions, arc_length, low, high, radius, horizon + radius, cull, body, frame, triangles, nodes,
             spheres, bounds, local, stack, result[m], counts,
         )  # fmt: skip
     return OK
+
+
+@kernel
+def _closest_to_plane(
+    positions: Array,
+    arc_length: Array,
+    low: float,
+    high: float,
+    radius: float,
+    reach: float,
+    frame: Array,
+    result: Array,
+    counts: Indices,
+) -> None:
+    """As `_closest_to_body`, for a half-space: the height above it is linear along a piece, and least at an end."""
+    x, y, z = frame[2, 0], frame[2, 1], frame[2, 2]
+    origin = frame[3, 0] * x + frame[3, 1] * y + frame[3, 2] * z
+    best, best_piece, best_t = reach, -1, 0.0
+    for i in range(positions.shape[0] - 1):
+        if arc_length[i] >= high or arc_length[i + 1] <= low:
+            continue
+        counts[1] += 1
+        p = positions[i, 0] * x + positions[i, 1] * y + positions[i, 2] * z - origin
+        q = positions[i + 1, 0] * x + positions[i + 1, 1] * y + positions[i + 1, 2] * z - origin
+        if min(p, q) >= best:
+            continue
+        step_length = arc_length[i + 1] - arc_length[i]
+        t0 = max((low - arc_length[i]) / step_length, 0.0)
+        t1 = min((high - arc_length[i]) / step_length, 1.0)
+        t = t0 if p <= q else t1
+        if p + t * (q - p) < best:
+            best, best_piece, best_t = p + t * (q - p), i, t
+    if best_piece < 0:
+        return
+    i = best_piece
+    result[0] = best - radius
+    result[1] = arc_length[i] + best_t * (arc_length[i + 1] - arc_length[i])
+    for a in range(3):
+        centre = positions[i, a] + best_t * (positions[i + 1, a] - positions[i, a])
+        result[2 + a] = centre - radius * frame[2, a]
+        result[5 + a] = centre - best * frame[2, a]
 
 
 @kernel

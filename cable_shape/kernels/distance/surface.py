@@ -149,6 +149,8 @@ def touch(
     kind = int(body[0])
     x, y, z = into_body(frame, at[0], at[1], at[2])
     H = FLAT
+    if kind == HALF_SPACE:
+        return z, (frame[2, 0], frame[2, 1], frame[2, 2]), H
     remembered = side[0] != 0.0 or side[1] != 0.0 or side[2] != 0.0
     if kind == SPHERES:
         d, nx, ny, nz, H = spheres_point(body, triangles, nodes, x, y, z, curved, stack)
