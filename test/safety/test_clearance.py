@@ -140,6 +140,20 @@ def test_gripping_links_are_left_out_near_the_grips_only(points):
     assert everything.check(cable, at_grip).bodies[0].distance == pytest.approx(-RADIUS)
 
 
+@pytest.mark.parametrize("points", [11, 150])
+def test_a_table_on_a_gripping_link_is_left_out_near_the_grips_only(points):
+    """A half-space that slopes up to the end: the least of what counts is where the excluded part begins."""
+    plate = Obstacle("plate", HalfSpace(), link="hand")
+    cable = straight((0, 0, 0), (1, 0, 0), points)
+    keywords = {"radius": RADIUS, "robot_links": [plate], "gripping_links": ["hand"], "horizon": 1.0}
+    slope = Pose((0, 0, -0.2), (0.0, -math.sin(0.1), 0.0, math.cos(0.1)))  # by 0.2 rad
+    for exclusion in (0.07, 0.0):
+        checker = ClearanceChecker(Scene(), **keywords, grip_exclusion=exclusion)
+        (body,) = checker.check(cable, {"hand": slope}).bodies
+        assert body.arc_length == pytest.approx(1.0 - exclusion)
+        assert body.distance == pytest.approx(0.2 * math.cos(0.2) - (1.0 - exclusion) * math.sin(0.2) - RADIUS)
+
+
 # --- what is refused or not judged ------------------------------------------------------------------------------------
 
 

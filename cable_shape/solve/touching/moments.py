@@ -22,7 +22,14 @@ from cable_shape.solve.touching.step import FAR, WARM_ITERATIONS, Steps
 MISSED, TOO_MUCH = 5e-4, 1e-3
 #: Of the points' distance: where layers are thinner, the rule is off by as much itself.
 _THIN = 1.5
+#: Of its limit, and of the largest push: so much more than friction can a contact may rub.
+RUBBED, EVEN = 0.01, 1e-3
+OVER = (
+    f"an equilibrium in contact, but where it slips friction is more than {RUBBED:.0%} beyond its limit once the "
+    "discretisation error is taken off. "
+)
 _ROUNDS = 3  #: of adding nodes
+_BESIDE = 1e-9  #: [m] of a point: there forces jump between it and both of its neighbours
 UNEVEN = (
     f"an equilibrium in contact, but inside of its elements moments miss more than {TOO_MUCH:g} of the largest: the "
     "cable is taut. Bring the ends closer. "
@@ -42,7 +49,7 @@ def refined(steps: Steps, told: Callable[[Status], CableShape], shape: CableShap
     state, changed = steps.state, False
     frames, before = state.grips[NOW].copy(), shape.positions.copy()
     for _ in range(_ROUNDS):
-        arcs = uneven(state, shape, steps.loads, MISSED)
+        arcs = np.union1d(uneven(state, shape, steps.loads, MISSED), beyond_cone(state, shape))
         if not arcs.size or state.elements + arcs.size > MOST_ELEMENTS:
             break
         kept = steps.kept()
@@ -63,6 +70,23 @@ def uneven(state: TouchState, shape: CableShape, loads: Array, part: float) -> A
     return missed(shape, jumps, state.nodes, state.bend, part)
 
 
+def beyond_cone(state: TouchState, shape: CableShape) -> Array:
+    """Middles [m] of the elements beside contacts that rub by more than friction can.
+
+    Which is so of pushes before the discretisation error is taken off them.
+    """
+    rows = shape.touches
+    if not (len(rows) and state.rubs and state.has_friction):
+        return np.empty(0)
+    node = np.abs(state.nodes[:, None] - rows[:, 0]).argmin(axis=0)
+    limit = np.maximum(state.rough[node], state.bodies.rough[rows[:, 1].astype(int)]) * rows[:, 8]
+    beyond = np.linalg.norm(rows[:, 9:12], axis=1) - limit > RUBBED * limit + EVEN * rows[:, 8].max()
+    node = node[beyond]
+    return np.unique(
+        0.5 * np.concatenate((state.nodes[node - 1] + state.nodes[node], state.nodes[node] + state.nodes[node + 1]))
+    )
+
+
 def missed(shape: CableShape, jumps: Array, nodes: Array, bend: float, part: float) -> Array:
     """Middles [m] of those elements between `nodes` (n,) in which moments miss more than a `part` of the largest.
 
@@ -81,8 +105,8 @@ def missed(shape: CableShape, jumps: Array, nodes: Array, bend: float, part: flo
     rule = 0.5 * h * (slope[:-1] + slope[1:]) + h**2 / 12.0 * (second[:-1] - second[1:])
     rule += h / 12.0 * np.cross(np.diff(n, axis=0), t[:-1] - t[1:])
     off = np.linalg.norm(np.diff(m, axis=0) - rule, axis=1)
-    at = np.searchsorted(s, jumps)
-    off[np.clip(np.concatenate((at - 2, at - 1, at)), 0, off.size - 1)] = 0.0
+    at = np.concatenate([np.searchsorted(s, jumps + by) for by in (-_BESIDE, _BESIDE)])
+    off[np.clip(at - 1, 0, off.size - 1)] = 0.0
     middles = 0.5 * (s[1:] + s[:-1])[off > part * float(np.linalg.norm(m, axis=1).max())]
     elements = np.unique(np.searchsorted(nodes, middles))
     return np.asarray(0.5 * (nodes[elements] + nodes[elements - 1]))

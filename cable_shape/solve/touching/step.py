@@ -40,6 +40,7 @@ _CONFIRMED = 4  #: meshes, each finer than the last, on which a shape is looked 
 #: Of half a body's thickness and the cable's: how deep a point is that stands for one in the middle of the body, where
 #: points and times are at most so much apart.
 _MIDDLE = 0.4
+_FINEST = 20  #: times as far as that points may be apart: there are as many between them
 _LONGEST_WAY = 2.0  #: of the length: further ways are not looked at, and count as past a body
 _ANYWHERE: Array = np.empty((0, 3))
 #: Cosine of the angle by which the direction between two cables of a pair may turn in one step: further, and they may
@@ -280,14 +281,15 @@ class Steps:
             self.take_back(kept)
         return kept is not None
 
-    def kept(self) -> tuple[Kept, Array, Array]:
-        """The last solution, its shape and what is told of it."""
-        return self.state.copy(), self.buffer.copy(), self.state.info.copy()
+    def kept(self) -> tuple[Kept, Array, Array, Array]:
+        """The last solution, its shape, what is told of it, and the positions from which the cable moves on."""
+        return self.state.copy(), self.buffer.copy(), self.state.info.copy(), self.state.positions
 
-    def take_back(self, kept: tuple[Kept, Array, Array]) -> None:
+    def take_back(self, kept: tuple[Kept, Array, Array, Array]) -> None:
         """Makes what was kept the last solution."""
         self.state.restore(kept[0])
-        self.buffer[:], self.state.info[:] = kept[1:]
+        self.buffer[:], self.state.info[:] = kept[1:3]
+        self.state.remember(kept[3])
 
     def own(self, buffer: Array, c: int) -> tuple[Array, Array]:
         """Arc lengths (n,) [m] and positions (n, 3) [m] of cable c of a shape."""
@@ -321,7 +323,7 @@ class Steps:
         """Whether the straight way from positions (c n, 3) to a shape leads through the middle of a body, or may do so.
 
         The bodies were in the frames `then` (m, 4, 3). Far ways along a body are none past it, as `passes` has it; but
-        a body that is thinner than the points are apart cannot be told from none between them, and counts as passed.
+        one that is so thin that it could be told between the points by very many more alone counts as passed.
         """
         n = self.problem.points
         ways = ((c, before[c * n : (c + 1) * n]) for c in range(self.state.bodied))
@@ -340,10 +342,12 @@ class Steps:
             if far > _LONGEST_WAY * self.state.length:
                 return True
             apart = max(float(np.linalg.norm(np.diff(line, axis=0), axis=1).max()) for line in (start, after))
-            if apart > middle:
+            if apart > _FINEST * middle:
                 return True
+            rows = [_divided(np.column_stack((arcs, line)), math.ceil(apart / middle)) for line in (start, after)]
             for at in np.linspace(0.0, 1.0, 2 + math.ceil(far / middle)):
-                if self._least_gap((1.0 - at) * start + at * after, arcs, b, c) < -middle:
+                along = (1.0 - at) * rows[0] + at * rows[1]
+                if self._least_gap(along[:, 1:], along[:, 0], b, c) < -middle:
                     return True
         return False
 
@@ -390,6 +394,12 @@ class Steps:
             sags = np.array([drive.sagitta(own, n, arc) for arc in found[:, 1]])
             deep.append(found[found[:, 0] + sunk + sags < -deepest, 1] + self.state.gaps[c])
         return np.unique(np.concatenate(deep))
+
+
+def _divided(rows: Array, parts: int) -> Array:
+    """(k parts + 1, n), rows (k + 1, n) and those between, evenly."""
+    at = np.arange(parts * (len(rows) - 1) + 1) / parts
+    return np.stack([np.interp(at, np.arange(len(rows)), column) for column in rows.T], axis=1)
 
 
 def _between(positions: Array, arcs: Array, start: float, end: float) -> tuple[Array, Array]:

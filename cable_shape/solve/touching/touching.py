@@ -26,7 +26,7 @@ from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import MODEL, straight_line
 from cable_shape.solve.touching import taut
-from cable_shape.solve.touching.moments import TOO_MUCH, UNEVEN, refined, thin, uneven
+from cable_shape.solve.touching.moments import OVER, TOO_MUCH, UNEVEN, beyond_cone, refined, thin, uneven
 from cable_shape.solve.touching.road import TAUT, is_far, led_by
 from cable_shape.solve.touching.search import approach, follow, grow, relax
 from cable_shape.solve.touching.soften import LIMP, STIFF, soften
@@ -112,6 +112,7 @@ class Solve:
     def run(self) -> CableShape:
         """The shape, whatever comes."""
         state = self.state
+        state.stuck = False
         state.rubs = self.problem.rubs and state.tight <= 1.0
         state.move_bodies(self.steps.links)
         frames = state.aimed()
@@ -158,10 +159,10 @@ class Solve:
         state.put_back(reached)
         state.move_bodies(steps.links)
         if not self.leaps:
-            return self._no_shape(Status.NOT_CONVERGED, STUCK)
+            return self._stuck(STUCK)
         if state.patience.left > 0 and not steps.late:
             state.patience.left -= 1
-            return self._no_shape(Status.NOT_CONVERGED, STUCK)
+            return self._stuck(STUCK)
         rubbed, state.rubs = state.rubs and state.has_friction, False
         if rubbed:  # what sticks may leave no way
             shape = self._by_road(frames)
@@ -183,7 +184,7 @@ class Solve:
         if steps.out_of_time():
             return self._no_shape(Status.BUDGET_EXCEEDED, "")
         state.patience.fail()
-        return self._no_shape(Status.NOT_CONVERGED, STUCK)
+        return self._stuck(STUCK)
 
     def _onward(self, frames: Array) -> tuple[CableShape | None, tuple[Any, ...]]:
         """By Newton's method, or by the road; None if neither leads there. And how far that came, or nothing."""
@@ -353,7 +354,11 @@ class Solve:
 
     def _lost(self) -> CableShape:
         self.state.forget()
-        return self._no_shape(Status.NOT_CONVERGED, "no way to a shape outside the obstacles. ")
+        return self._stuck("no way to a shape outside the obstacles. ")
+
+    def _stuck(self, detail: str) -> CableShape:
+        self.state.stuck = True
+        return self._no_shape(Status.NOT_CONVERGED, detail)
 
     def _buried(self, frames: Array) -> str:
         """Which grip or clip is inside which body, in words; empty if none is."""
@@ -385,17 +390,28 @@ class Solve:
                 shape = self._too_short(status)
         if state.tight < 1.0 and taut.stretch_of(self.steps)[0] < taut.EASED * state.length:
             state.tighten(1.0)
-        if shape.status and state.touching and state.single and not self.steps.late and thin(state):
-            for finer in (self._layered, partial(refined, self.steps, self._shape)):
-                if shape.status and finer(shape):
-                    shape = self._shape(status)
-                    self._grade(shape)
-            if shape.status and uneven(state, shape, self.steps.loads, TOO_MUCH).size:
-                shape.status, shape.detail = Status.NOT_CONVERGED, UNEVEN
+        if shape.status and state.touching and state.single and not self.steps.late:
+            shape = self._made_finer(shape, status)
         if not state.touching:
             state.rest(shape, state.grips[NOW].copy())
             self._leave(shape)
         shape.error_estimate += self._deviation(shape)
+        return shape
+
+    def _made_finer(self, shape: CableShape, status: Status) -> CableShape:
+        """The shape, on a finer mesh where layers are thin or a contact rubs by more than it can."""
+        state, is_thin = self.state, thin(self.state)
+        ways = [self._layered] if is_thin else []
+        if is_thin or beyond_cone(state, shape).size:
+            ways.append(partial(refined, self.steps, self._shape))
+        for finer in ways:
+            if shape.status and finer(shape):
+                shape = self._shape(status)
+                self._grade(shape)
+        if ways and shape.status and uneven(state, shape, self.steps.loads, TOO_MUCH).size:
+            shape.status, shape.detail = Status.NOT_CONVERGED, UNEVEN
+        elif ways and shape.status and beyond_cone(state, shape).size:
+            shape.status, shape.detail = Status.NOT_CONVERGED, OVER
         return shape
 
     def _deviation(self, shape: CableShape) -> float:

@@ -13,6 +13,8 @@ from scene_random import run
 import cable_shape as cs
 from cable_shape.kernels.contact import check
 from cable_shape.shape import TOUCH
+from cable_shape.solve.touching.moments import beyond_cone
+from cable_shape.solve.touching.state import TouchState
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 CABLE = cs.Cable(1.0, 0.1, 2e-3, diameter=0.008)
@@ -261,3 +263,22 @@ def test_a_contact_on_an_edge_that_a_node_stops_carries_no_more_than_friction_ho
         shape = cycle.step(grips, stamp=10_000_000 * k).shapes[name]
         if shape.usable:
             assert judged(cable, routed.scene, shape, shape.supports) == (), k
+
+
+def test_what_rubs_by_more_than_it_can_gets_nodes_beside_it():
+    """Of a cable dragged over a table, with friction within its limits: of one contact it is then told otherwise."""
+    predictor = cs.Predictor(CABLE, scene=table(0.4))
+    for y in (0.0, 0.01, 0.02):
+        shape = predictor.predict(*grips(y))
+    state = predictor.rod_state
+    assert isinstance(state, TouchState)
+    assert len(shape.contacts) >= 3
+    assert any(np.linalg.norm(contact.tangential_force) > 0.3 * contact.force for contact in shape.contacts)
+    assert not beyond_cone(state, shape).size
+    row = shape.touches[1]
+    row[9:12] = 0.41 * row[8], 0.0, 0.0
+    before, behind = beyond_cone(state, shape)
+    node = int(np.abs(state.nodes - row[0]).argmin())
+    np.testing.assert_allclose(
+        (before, behind), 0.5 * (state.nodes[node - 1 : node + 1] + state.nodes[node : node + 2])
+    )

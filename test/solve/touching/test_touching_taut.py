@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import contact_routing
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scene_certificate import judged
+from scene_certificate import judged, passed
 
 import cable_shape as cs
 from cable_shape.kernels.contact.afterwards import stretched
+from cable_shape.solve.touching.moments import missed
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 
@@ -55,6 +57,28 @@ def test_a_rough_cable_drawn_round_three_posts_is_hardly_lost():
     shapes = [predictor.predict(*grips[name]) for grips in routed.steps[:75]]
     assert sum(not shape.usable for shape in shapes) <= 2
     assert any(shape.frictionless for shape in shapes)  # and says so
+
+
+def test_what_was_tried_and_taken_back_is_not_where_it_goes_on_from():
+    """A mesh for thinner layers led behind a post and was refused; the next step was then measured from there."""
+    routed = contact_routing.motion("posts", 25)
+    ((name, cable),) = routed.cables.items()
+    predictor = cs.Predictor(cable, scene=routed.scene, model="cosserat", points=301)
+    shapes = [predictor.predict(*grips[name]) for grips in routed.steps[:152]]
+    for before, after in pairwise(shapes[140:]):
+        assert passed(routed.scene, 0.5 * cable.diameter, before, after) == ""
+
+
+def test_moments_are_judged_up_to_where_forces_jump():
+    """A straight, taut cable whose moment jumps between two points: that counts but where its force may jump, too."""
+    arcs = np.linspace(0.0, 1.0, 101)
+    shape = cs.predict(cs.Cable(1.0, 0.1, 0.01), cs.Pose((0, 0, 0), ALONG_X), cs.Pose((0.9, 0, 0), ALONG_X), points=101)
+    shape.quaternions[:] = ALONG_X
+    shape.curvature[:] = shape.force[:] = shape.moment[:] = 0.0
+    shape.force[:, 0], shape.moment[:, 1] = 10.0, np.where(arcs < 0.505, 1.0, 0.99)
+    for jump, counts in ((0.495, True), (0.5 - 1e-6, True), (0.5, False), (0.505, False), (0.51, False), (0.515, True)):
+        found = missed(shape, np.array([jump]), np.linspace(0.0, 1.0, 11), 0.01, 1e-3)
+        assert_allclose(found, [0.55] if counts else [])
 
 
 @pytest.mark.parametrize("stiffness", [0.0015, 0.002])
