@@ -64,6 +64,8 @@ from cable_shape.kernels.rod_algebra import get3, put3, scale
 
 #: A step goes in parts of this fraction of it at least, each tried from so many of `swing_start.STARTS`.
 SHORTEST, TRIES = 1.0 / 256.0, 4
+#: Parts that are no shorter than this are tried from the first of them alone: half the part is the better try.
+SHORT = 0.3
 #: Where halves of halves lead nowhere the step is tried once more, with a first part of this fraction: where many ways
 #: to fold are near each other what leads on in other parts is no better, nor worse.
 UNEVEN = 0.37
@@ -113,7 +115,7 @@ def step(
         copy(sums, info)
         set_out(skin, bodies, now, links, done, part)
         status = CONVERGED - 1
-        for start in range(TRIES):
+        for start in range(TRIES if part < SHORT else 1):
             if start > 0:
                 copy_back(skin.kept, sols, remembered, moving)
             part_way(plan, solution_of(ints, begin, NOW), solution_of(ints, sols, TRIAL), goal, done + part)

@@ -85,6 +85,9 @@ FIRST_SHIFT, SHIFT_GROWTH, MOST_SHIFTS = 0.02, 6.0, 16  # as Newton's method at 
 MANY = 1000003  # numbers for what presses
 LOOSE = 0.03  # of the length times TOLERANCE: what elements may still miss among bodies, which press from one place on
 MOST_ITERATIONS = 30
+#: Iterations among bodies, of which none is half the shortest one before, and the last one still longer than that
+#: [rad]: no more lead anywhere.
+PATIENT, ASTRAY = 30, 0.1
 STICKY = 10  # iterations, after which planes that push a node at its seat go on to
 #: What `step` tells in `info`: iterations, largest turn of a frame [rad], largest force of drag at a node [N], largest
 #: internal force [N], negative eigenvalues beyond three a force, energy [J] after the step, last iteration [rad];
@@ -222,6 +225,7 @@ def newton(
     free = motion.par[N_WALLED] == 0.0 and motion.par[N_PROPS] == 0.0
     quick = model.par[SWINGS] != 0.0 and (free or least > TOLERANCE)  # among bodies not where it comes to rest
     shift = last = since = 0.0
+    least_yet, better = math.inf, 0
     stay, slides, seen = False, False, 0
     info[I_OWN] = 0.0
     seated = motion.par[LAW] == SEATED
@@ -262,6 +266,10 @@ def newton(
         info[I_LAST] = largest
         if not math.isfinite(largest):
             return NOT_FINITE
+        if largest < 0.5 * least_yet:
+            least_yet, better = largest, i
+        elif not free and i - better > PATIENT and largest > ASTRAY:
+            return STALLED
         slow = stay and largest > (SLIDING if slides else FALLING) * last
         rough = not free and (slides or seen != before or i == 0)
         rate = max(since, largest / last) if stay else largest  # what is left of this change by the next one
