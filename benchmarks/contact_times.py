@@ -63,6 +63,7 @@ def print_times(figures: Figures) -> None:
     turns = Turns(*predictors, "plain", clock=thread_time)
     contacts: dict[str, list[int]] = {name: [] for name in predictors}
     compiled: dict[str, list[float]] = {name: [] for name in predictors}
+    lost = dict.fromkeys(predictors, 0)
     for k in range(STEPS):
         t = SPEED * k / 0.02
         start = cs.Pose((0, 0.002 * np.sin(t), 0.03 + 0.02 * np.sin(t)), ALONG_X)
@@ -72,12 +73,14 @@ def print_times(figures: Figures) -> None:
             with compiled_calls() as spent:
                 shape = turns.of(name, lambda p=predictor, a=start, b=end: p.predict(a, b))
             contacts[name].append(len(shape.contacts))
+            lost[name] += not shape.usable
             compiled[name].append(sum(spent))
     for name, asked in ASKED.items():
         whole, spent = 1e6 * turns.medians[name], 1e6 * float(np.median(compiled[name]))
         times = turns.medians[name] / turns.medians["plain"]
         print(
-            f"{name}: {np.median(contacts[name]):.0f} contacts, whole {whole:.0f} us, {times:.1f} times the plain cable"
+            f"{name}: {np.median(contacts[name]):.0f} contacts, whole {whole:.0f} us, {times:.1f} times the plain one; "
+            f"{lost[name]} of {STEPS} have no shape"
         )
         figures.at_most(f"compiled calls of a warm step, {name}", spent, asked, "{:.0f}", " us")
 

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cable_shape.cable.cable import Cable
+from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.motion.motion import Motion
 from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.scene.scene import Scene
+from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
+from cable_shape.solve import cosserat
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import MODEL
+from cable_shape.solve.touching.road import DEEP
+from cable_shape.solve.touching.search import clear_by
 from cable_shape.solve.touching.state import TouchState
 from cable_shape.solve.touching.step import Steps
 
@@ -25,20 +30,26 @@ DRAG, RETARDATION = 0.3, 0.2
 #: in steps of one size, on another one, or in others, they do not.
 _ATTEMPTS = ((120, 0.1), (160, 0.3), (200, 0.3), (240, 0.3))
 _STEP, _LONGER = 0.02, 1.15  # [s], the first step, and how much longer each next one is
-_MOST, _PATIENT = 80, 1500  # steps of an attempt, and iterations of all of them: more are taken where contacts flutter
+_SHORTER, _SHORTEST = 0.3, 0.005  # so much shorter is one after one that could not be taken; [s], to no less than that
+_LET_DOWN_IN = _ATTEMPTS[:2]  #: of what is let down, on a long way
+#: Steps at the end of a way, and iterations of all of them, for more are taken where contacts flutter: of what goes on
+#: from a shape, and of what is let down.
+_MOST, _PATIENT, _MORE_PATIENT = 80, 4000, 9000
 #: At rest drag and inertia take less than this part of the largest force, and retardation of the largest curvature.
 _STILL, _UNBENT = 5e-6, 1e-3
-_DEEP = 0.3  #: of the cable's radius: what is deeper in a body is on the way through
-Where = tuple[tuple[Grip, Grip | FreeEnd], Mapping[str, Pose] | None]
+_RESTLESS = 1e-2  #: the same of what is only near rest
+_LET_DOWN = 0.01  #: of the length: how far a cable that is let down comes in a step
+Ends = tuple[Grip, Grip | FreeEnd]
+Where = tuple[Ends, Mapping[str, Pose] | None]
 
 
 def led_to_rest(
     cable: Cable, last: CableShape, then: Where, now: Where, scene: Scene | None, options: Mapping[str, Any]
-) -> Iterator[CableShape]:
+) -> Iterator[Rest]:
     """What a cable that lay like `last` comes to when its ends and links, which were `then`, are `now`.
 
     It moves as cables do, through no body; how long that takes, and how far it swings, is of no matter here: it is
-    damped by so much that it creeps. Once for each mesh on which it comes to rest, ever finer.
+    damped by so much that it creeps. Once for each mesh on which it comes near rest, ever finer.
 
     Parameters
     ----------
@@ -51,20 +62,85 @@ def led_to_rest(
     options : mapping
         Of :class:`Motion`: gravity, loads, bodies on links.
     """
-    damped, last = cable.replace(drag=DRAG, retardation_time=RETARDATION), last.again()
+    last = last.again()
     last.error_estimate = 0.0  # how well it is known is of no matter where it is at rest
-    for elements, longest in _ATTEMPTS:
+    return _led(cable, scene, options, last, then, [now], _ATTEMPTS, _PATIENT)
+
+
+def let_down(problem: Problem, scene: Scene | None, options: Mapping[str, Any]) -> Iterator[Rest]:
+    """What the problem's cable comes to when it hangs above all bodies, and is let down to where its ends are.
+
+    As `led_to_rest` has it, but without friction, of which no way tells anything here; none of a cable in clips, which
+    stay where they are, and without gravity.
+    """
+    size = float(np.linalg.norm(problem.gravity))
+    if size == 0.0 or problem.clips:
+        return iter(())
+    ends, links = (problem.start, problem.end), problem.links
+    down = problem.gravity / size
+    free = cosserat.solve(problem)
+    state = TouchState(problem)
+    state.aimed()
+    steps = Steps(problem, state, math.inf)
+    state.move_bodies(steps.links)
+    far = clear_by(steps, free, down) if free.usable else math.inf
+    if far == math.inf:
+        return iter(())
+    count = math.ceil(far / (_LET_DOWN * problem.cable.length))
+    way = [(_shifted(ends, -far * (1.0 - k / count) * down), links) for k in range(count + 1)]
+    free = CableShape(free.buffer.copy(), free.points, length=free.length, model=MODEL, status=free.status)
+    free.positions[:] -= far * down
+    options = {**options, "robot_links": _smooth(options.get("robot_links", ()))}
+    scene = None if scene is None else scene.replace(obstacles=_smooth(scene.obstacles))
+    return _led(problem.cable.replace(friction=0.0), scene, options, free, way[0], way[1:], _LET_DOWN_IN, _MORE_PATIENT)
+
+
+def _smooth(bodies: Iterable[Obstacle]) -> list[Obstacle]:
+    """The bodies without friction."""
+    return [replace(body, friction=0.0) for body in bodies]
+
+
+def _shifted(ends: Ends, by: Array) -> Ends:
+    """The ends, those that are held elsewhere by so much [m]."""
+    start, end = ends
+    return _lifted(start, by), _lifted(end, by) if isinstance(end, Grip) else end
+
+
+def _lifted(grip: Grip, by: Array) -> Grip:
+    return grip.at(Pose(grip.pose.position + by, grip.pose.quaternion))
+
+
+def _led(
+    cable: Cable,
+    scene: Scene | None,
+    options: Mapping[str, Any],
+    last: CableShape,
+    then: Where,
+    way: list[Where],
+    attempts: Sequence[tuple[int, float]],
+    patience: int,
+) -> Iterator[Rest]:
+    """What it comes to on a way, step by step, from there; once for each mesh on which it gets to its end."""
+    damped = cable.replace(drag=DRAG, retardation_time=RETARDATION)
+    for elements, longest in attempts:
         try:
             motion = Motion(damped, scene, points=last.points, elements=elements, **options)
             motion.take_up(last, *then[0], then[1])
-            found = _at_rest(motion, _Watch(motion.problem), now, longest)
+            found = _at_rest(motion, Watch(motion.problem), way, longest, patience)
         except ArgumentError:  # a cable that does not swing
             return
         if found is not None:
             yield found
 
 
-class _Watch:
+class Rest(NamedTuple):
+    """What a motion has come to, and whether it is at rest there, or goes to and fro for ever."""
+
+    shape: CableShape
+    still: bool
+
+
+class Watch:
     """Whether a motion comes past a body: one that is drawn beyond its length may, by tons."""
 
     def __init__(self, problem: Problem) -> None:
@@ -82,27 +158,36 @@ class _Watch:
         """Whether the way from one step to the next leads through a body, or ends deep in one."""
         then = self._state.bodies.frames.copy()
         steps = self._move()
-        deep = steps.depth(after.buffer) < -_DEEP * self._state.radius
+        deep = steps.depth(after.buffer) < -DEEP * self._state.radius
         return deep or steps.goes_through(before.positions, then, after.buffer)
 
 
-def _at_rest(motion: Motion, watch: _Watch, now: Where, longest: float) -> CableShape | None:
-    """Where a motion comes to rest in steps up to so long [s]; None: it does not."""
-    shape, dt, iterations = motion.last, _STEP, 0
-    for _ in range(_MOST):
+def _at_rest(motion: Motion, watch: Watch, way: list[Where], longest: float, patience: int) -> Rest | None:
+    """What a motion comes to at the end of a way, in steps up to so long [s]; None: it gets past a body, or nowhere."""
+    shape, dt, iterations, unrest = motion.last, _STEP, 0, math.inf
+    for k in range(len(way) + _MOST):
         before = shape
-        shape = motion.step(*now[0], dt, now[1])
-        iterations += shape.iterations
-        if not shape.usable or iterations > _PATIENT or watch.passed(before, shape):
+        ends, links = way[min(k, len(way) - 1)]
+        shape = motion.step(*ends, dt, links)
+        if not shape.usable and k >= len(way) and dt > _SHORTEST:
+            shape, dt = before, _SHORTER * dt  # the state is kept
+            longest = dt
+            continue
+        if not shape.usable or watch.passed(before, shape):
             return None
-        bent = RETARDATION * _sizes(shape.curvature - before.curvature).max() / dt
-        still = motion.unrest < _STILL * _sizes(shape.force).max()
-        if still and bent < _UNBENT * _sizes(shape.curvature).max():
-            shape.velocity, shape.model = None, MODEL
-            shape.kinetic_energy, shape.work, shape.dissipated = 0.0, 0.0, 0.0
-            return shape
+        if k < len(way) - 1:
+            continue
+        iterations += shape.iterations
+        bent = RETARDATION * _sizes(shape.curvature - before.curvature).max() / dt / _sizes(shape.curvature).max()
+        unrest = motion.unrest / _sizes(shape.force).max()
+        if (unrest < _STILL and bent < _UNBENT) or iterations > patience:
+            break
         dt = min(_LONGER * dt, longest)
-    return None
+    if not unrest < _RESTLESS:
+        return None
+    shape.velocity, shape.model = None, MODEL
+    shape.kinetic_energy, shape.work, shape.dissipated = 0.0, 0.0, 0.0
+    return Rest(shape, unrest < _STILL and bent < _UNBENT)
 
 
 def _sizes(rows: Any) -> Any:

@@ -12,11 +12,12 @@ from cable_shape.prediction.reuse import Ends, Links, kept
 from cable_shape.prediction.solvers import Rod
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.problem import Problem
-from cable_shape.solve.touching.touching import ACCURACY, STUCK
+from cable_shape.solve.touching.touching import ACCURACY
 
 Where = tuple[Ends, Links]
 _FEWEST_POINTS = 8  #: of a shape from which a motion goes on
 _BESIDE = 0.01  #: of the length: an equilibrium further from where the cable came to rest is another one
+_LONGEST_PAUSE = 64  #: steps that are let pass where a cable of which no shape is known could not be let down
 _FAR = 0.02  #: of the length: a cable that comes to rest further away from where it was has snapped
 
 
@@ -31,12 +32,12 @@ class Sliding:
         self._solver, self._options = solver, options
         self._last: tuple[CableShape, Where] | None = None
         self._aside: Any = None  # the solver's memory, where what it remembers now is told by a motion
-        self._waits = False  # whether the next step is let pass: what has just failed takes long
+        self._waits, self._pause = 0, 1  # so many steps are let pass, and next time: what has just failed takes long
 
     def forget(self) -> None:
         """The next shape goes on from none."""
         self._last = self._aside = None
-        self._waits = False
+        self._waits, self._pause = 0, 1
 
     def solve(self, problem: Problem) -> CableShape:
         """The solver's shape; where it is stuck or leaps, one where the cable comes to rest as it moves there.
@@ -60,19 +61,23 @@ class Sliding:
     def _followed(self, shape: CableShape, problem: Problem) -> CableShape:
         """What becomes of a shape of the solver."""
         where, last = ((problem.start, problem.end), kept(problem.links)), self._last
-        if last is None or not (self._solver.leaps and _may(last[0], problem)):
+        if not (self._solver.leaps and _may(last, problem)):
             return self._remember(shape, where)
-        stuck = shape.detail.startswith(STUCK)
-        if stuck and self._waits:
-            self._waits = False
+        stuck = self._solver.stuck
+        if stuck and self._waits > 0:
+            self._waits -= 1
             return shape
-        if not (stuck or _leaps(shape, last[0])):
+        if not (stuck or (last is not None and _leaps(shape, last[0]))):
             return self._remember(shape, where)
         found = self._slid(last, where, problem, leaps=shape.usable)
         if found is None:
-            self._waits = stuck
+            self._waits = self._pause if stuck else 0
+            if last is None:
+                self._pause = min(2 * self._pause, _LONGEST_PAUSE)
             return self._remember(shape, where)
-        if found.status is Status.OK:
+        if last is None and found.status is Status.SNAPPED:  # from where it came to rest, which nobody has seen
+            found.status, found.detail = Status.OK, ""
+        elif last is not None and found.status is Status.OK:
             _note_snap(found, last[0])
         return self._remember(found, where)
 
@@ -83,19 +88,26 @@ class Sliding:
         return shape
 
     def _slid(
-        self, last: tuple[CableShape, Where], where: Where, problem: Problem, *, leaps: bool
+        self, last: tuple[CableShape, Where] | None, where: Where, problem: Problem, *, leaps: bool
     ) -> CableShape | None:
-        """Where the cable comes to rest; None if that is not known. leaps: the solver has come elsewhere."""
-        from cable_shape.motion.rest import led_to_rest  # when it is first needed: it takes a while to load
+        """Where the cable comes to rest, from nothing let down; None if that is not known. leaps: the solver has come
+        elsewhere."""
+        from cable_shape.motion.rest import led_to_rest, let_down  # when first needed: it takes a while to load
 
         solver, coarser = self._solver, None
-        for rest in led_to_rest(problem.cable, *last, where, problem.scene, self._options):
+        if last is None:
+            rests = let_down(problem, problem.scene, self._options)
+        else:
+            rests = led_to_rest(problem.cable, *last, where, problem.scene, self._options)
+        for rest, still in rests:
             aside = solver.put_aside()
             solver.begin(problem, rest, near=True)
             found = solver.solve(problem)
             if found.usable and _apart(found, rest) < _BESIDE * rest.length:
                 return found
             solver.put_back(aside)
+            if not still:
+                continue
             if coarser is not None and not leaps:
                 rest.error_estimate += _apart(rest, coarser)
                 if rest.error_estimate <= max(problem.tolerance, ACCURACY * rest.length):
@@ -106,9 +118,11 @@ class Sliding:
         return None
 
 
-def _may(last: CableShape, problem: Problem) -> bool:
-    """Whether there is a motion of the problem's cable from that shape on."""
-    return last.length == problem.cable.length and last.points >= _FEWEST_POINTS and problem.acceleration is None
+def _may(last: tuple[CableShape, Where] | None, problem: Problem) -> bool:
+    """Whether there is a motion of the problem's cable from that shape on, or from none."""
+    if last is not None and last[0].length != problem.cable.length:
+        return False
+    return problem.points >= _FEWEST_POINTS and problem.acceleration is None
 
 
 def _leaps(shape: CableShape, last: CableShape) -> bool:

@@ -117,6 +117,11 @@ class Rod:
         """Whether the last shape is in contact with a body."""
         return self._touch is not None and self._touch.touching
 
+    @property
+    def stuck(self) -> bool:
+        """Whether bodies left no way to the last shape, which is none."""
+        return self._touch is not None and self._touch.stuck
+
     def _free(self, problem: Problem) -> Network:
         """The memory of the rod without contact, made where there is none."""
         if self.state is None:

@@ -8,8 +8,10 @@ from contact_routing import motion
 from scene_certificate import judged, passed
 
 import cable_shape as cs
+from cable_shape.motion import rest
 from cable_shape.motion.rest import led_to_rest
 from cable_shape.prediction.sliding import Sliding
+from cable_shape.solve.problem import Problem
 
 AHEAD = (0.5, 0.5, 0.5, 0.5)
 LAID, STUCK = 38, 60  # steps of a cable laid into a channel, without friction, and pressed lengthwise there
@@ -58,10 +60,76 @@ def test_it_comes_to_rest_where_statics_have_it():
     exact = predictor.predict(start, now)
     found = list(led_to_rest(cable, last, ((start, then), None), ((start, now), None), scene, {}))
     assert len(found) == 4
-    for shape in found:
+    for shape, still in found:
+        assert still
         assert np.abs(shape.positions - exact.positions).max() < 2e-4
         off = np.abs(shape.force - exact.force)[[0, -1]]  # between, a row's first and last push are at other nodes
         assert off.max() < 5e-3 * np.abs(exact.force).max()
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """A motion, and grips between which no shape is found as the walls come from below, above or aside."""
+    given = motion("channel", 7)
+    return given, given.steps[30]["cable"]
+
+
+def first(given, grips):
+    return cs.Predictor(given.cables["cable"], scene=given.scene, points=301).predict(*grips)
+
+
+def test_what_is_in_a_channel_at_first_is_let_down_into_it(pressed):
+    given, grips = pressed
+    shape = first(given, grips)
+    assert shape.status is cs.Status.OK, shape.detail
+    assert judged(given.cables["cable"], given.scene, shape, shape.supports) == ()
+    floor = given.scene.obstacles[0].pose.position[2] + 0.5 * given.cables["cable"].diameter
+    assert shape.positions[:, 2].min() < floor + 1e-3
+
+
+def test_it_would_not_be_found_without(pressed, monkeypatch):
+    given, grips = pressed
+    monkeypatch.setattr(rest, "let_down", lambda *_: iter(()))
+    shape = first(given, grips)
+    assert shape.status is cs.Status.NOT_CONVERGED
+    assert "no way to a shape outside the obstacles" in shape.detail
+
+
+def test_what_cannot_be_let_down_is_tried_ever_more_rarely(pressed, monkeypatch):
+    """For it takes long: after 1, 2, 4 steps."""
+    given, (start, end) = pressed
+    tried = []
+    monkeypatch.setattr(rest, "let_down", lambda *_: tried.append(k) or iter(()))
+    predictor = cs.Predictor(given.cables["cable"], scene=given.scene)
+    for k in range(12):
+        there = cs.Pose(end.position + np.array((0.0, 0.0, 1e-7 * k)), end.quaternion)
+        assert not predictor.predict(start, there).usable
+    assert tried == [0, 2, 5, 10]
+
+
+def test_without_gravity_and_in_clips_nothing_is_let_down(pressed):
+    given, (start, end) = pressed
+    cable = given.cables["cable"]
+    middle = cs.Pose(0.5 * (start.position + end.position), AHEAD)
+    clipped = given.scene.replace(clips=[cs.Clip(0.5 * cable.length, middle)])
+    for options in ({"scene": given.scene, "gravity": (0, 0, 0)}, {"scene": clipped}):
+        problem = Problem(cable, points=101, **options)
+        assert list(rest.let_down(problem.move(start, end, None), problem.scene, {})) == []
+
+
+@pytest.mark.parametrize(("goes", "passes"), [(0.006, False), (0.022, True), (-0.01, False)])
+def test_walls_that_are_thinner_than_points_are_apart_are_looked_at_between_them(goes, passes):
+    """A wall of 10 mm, a shape whose points are 33 mm apart: from 7 mm in front of it to behind it, and not."""
+    cable = cs.Cable(1.0, 0.1, 0.02, 0.015, diameter=0.004)
+    wall = cs.Obstacle("wall", cs.Box((0.1, 0.01, 2.0)), cs.Pose((0.4, 0.014, 0.0)))
+    scene = cs.Scene(obstacles=[wall], contact="solve")
+    before, after = (
+        cs.predict(cable, cs.Pose((0, y, 0), AHEAD), cs.Pose((0.8, y, 0), AHEAD), points=31) for y in (0.0, goes)
+    )
+    watch = rest.Watch(
+        Problem(cable, scene=scene, points=31).move(cs.Pose((0, 0, 0), AHEAD), cs.Pose((0.8, 0, 0), AHEAD), None)
+    )
+    assert watch.passed(before, after) == passes
 
 
 def test_forces_of_a_motion_jump_where_bodies_push_it_inside_elements():
@@ -71,7 +139,8 @@ def test_forces_of_a_motion_jump_where_bodies_push_it_inside_elements():
     scene = cs.Scene(obstacles=[wall], contact="solve")
     start, (then, now) = cs.Pose((0, 0, 0), AHEAD), [cs.Pose((x, 0, 0), AHEAD) for x in (0.72, 0.7)]
     last = cs.predict(cable, start, then, scene=scene, points=301)
-    shape = next(led_to_rest(cable, last, ((start, then), None), ((start, now), None), scene, {}))
+    shape, still = next(led_to_rest(cable, last, ((start, then), None), ((start, now), None), scene, {}))
+    assert still
     assert judged(cable, scene, shape, shape.supports) == ()
     (push,) = shape.contacts
     assert 0.2 < push.arc_length / cable.length * 120 % 1.0 < 0.8

@@ -52,7 +52,7 @@ _NONE, _LOWER = 1e-3, 1e-4
 #: So much of what planes have let in, pushes times depths, may be energy again in the next step.
 _OUT_AGAIN = 3.0
 #: Of the cable's radius: so deep a step may leave it in a body between nodes, or it was deeper before.
-_DEEP = 0.3
+DEEP = 0.3
 #: Stiffness of planes, in that of the elements beside them against bending, EI / h^3, of which none counts as shorter
 #: than this part of the mean.
 _FIRM, _FINEST = 100.0, 0.05
@@ -226,7 +226,7 @@ class Road:
             done = done and settling.energy <= energy + allowed
         if done:
             _, cosine, deeper = self._guard()
-            done = cosine > _TURNED and deeper > min(deep, -_DEEP * self.state.radius)
+            done = cosine > _TURNED and deeper > min(deep, -DEEP * self.state.radius)
         if not done:
             self._take_back(start)
             settling.energy = energy

@@ -61,20 +61,28 @@ def relax(steps: Steps, frames: Array) -> bool:
     return False
 
 
+def clear_by(steps: Steps, free: CableShape, away: Array) -> float:
+    """[m], how far bodies go along the unit vector `away` until the free shape is clear of them; there they stay.
+
+    Infinite: not within twice its length.
+    """
+    far = 0.25 * max(-steps.depth(free.buffer), DEEPEST)
+    while far < 2.0 * steps.state.length:
+        steps.state.bodies.shift(far * away)
+        if steps.depth(free.buffer) > 0.0:
+            return far
+        far *= 1.3
+    return math.inf
+
+
 def approach(steps: Steps, frames: Array, free: CableShape, away: Array, iterations: int = WARM_ITERATIONS) -> bool:
     """Takes the bodies out of the cable's way along the unit vector `away` and brings them back in steps.
 
     iterations: of each at most.
     """
     state = steps.state
-    start = 0.25 * max(-steps.depth(free.buffer), DEEPEST)
-    far = start
-    while far < 2.0 * state.length:
-        state.bodies.shift(far * away)
-        if steps.depth(free.buffer) > 0.0:
-            break
-        far *= 1.3
-    else:
+    far = clear_by(steps, free, away)
+    if far == math.inf:
         return False
     state.start_from(free, frames)
     state.remember(state.seen(free))
