@@ -100,6 +100,7 @@ class Rod:
         rod = self.state if self._touch.touching else self._free(problem)
         shape, self.state = touching.solve(problem, self._touch, rod, deadline=deadline, leaps=self.leaps)
         self._loose = self._loose and not shape.status
+        self._touch.hasty = False
         if shape.status and not self._touch.touching and self.state is not None and self.state.last is shape:
             self._resume(problem, shape)  # out of contact: the branch goes on
         return shape
@@ -147,6 +148,7 @@ class Rod:
                     touch.resume(shape, frames, _FINER if near else 1.0)
             if near:
                 touch.patience.fail()
+                touch.hasty = True
             if touch.touching and not isinstance(memory, Network):
                 self.state = None  # the rod without contact is made where it comes out of contact
                 return

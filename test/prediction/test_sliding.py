@@ -11,7 +11,10 @@ import cable_shape as cs
 from cable_shape.motion import rest
 from cable_shape.motion.rest import led_to_rest
 from cable_shape.prediction.sliding import Sliding
+from cable_shape.prediction.solvers import Rod
 from cable_shape.solve.problem import Problem
+from cable_shape.solve.touching.road import Road
+from cable_shape.solve.touching.step import Steps
 
 AHEAD = (0.5, 0.5, 0.5, 0.5)
 LAID, STUCK = 38, 60  # steps of a cable laid into a channel, without friction, and pressed lengthwise there
@@ -144,3 +147,25 @@ def test_forces_of_a_motion_jump_where_bodies_push_it_inside_elements():
     assert judged(cable, scene, shape, shape.supports) == ()
     (push,) = shape.contacts
     assert 0.2 < push.arc_length / cable.length * 120 % 1.0 < 0.8
+
+
+def test_roads_are_short_only_where_an_equilibrium_is_looked_for_near_a_motions_end(monkeypatch):
+    """There they would take a minute to find that there is none; in the next step they are long again."""
+    cable = cs.Cable(1.0, 0.1, 0.02, 0.015, diameter=0.008)
+    table = cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, -0.1)))
+    ends = cs.Pose((0, 0, 0), AHEAD), cs.Pose((0.72, 0, 0), AHEAD)
+    problem = Problem(cable, scene=cs.Scene(obstacles=[table], contact="solve")).move(*ends, None)
+    rod, seen = Rod(), []
+    steps = Road.go
+    monkeypatch.setattr(Road, "go", lambda road, *way: seen.append(road.state.hasty) or steps(road, *way))
+    shape = rod.solve(problem)
+    for near in (True, False):
+        rod.begin(problem, shape, near=near)
+        assert rod._touch.hasty == near
+        monkeypatch.setattr(Steps, "go", lambda *_, **__: False)  # so that a road is asked for
+        rod.solve(problem)
+        monkeypatch.undo()
+        monkeypatch.setattr(Road, "go", lambda road, *way: seen.append(road.state.hasty) or steps(road, *way))
+        assert not rod._touch.hasty
+    assert True in seen
+    assert False in seen

@@ -143,6 +143,7 @@ class Laid:
         )
         self.patience = Patience()  # until another way is looked for where none led on
         self.stuck = False  # whether the last solve has found no way
+        self.hasty = False  # whether roads are short: an equilibrium is near, or there is none
         self.free: CableShape | None = None  # the last shape, if it is not, and the frames of its supports (b+1, 7)
         self.free_frames: Array = np.zeros((2, 7))
         self._positions = _NOWHERE

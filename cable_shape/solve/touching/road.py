@@ -60,7 +60,7 @@ _FIRM, _FINEST = 100.0, 0.05
 _LONGEST, _EASY, _SHORTEST = 30.0, 0.1, 1e-7
 _LONGER, _SHORTER, _CEILING, _EASIER = 8.0, 0.2, 0.3, 2.0
 _ITERATIONS = 60  #: of a step
-_MOST = 300  #: steps that are tried
+_MOST, _FEWER = 300, 40  #: steps that are tried, and where an equilibrium is near
 #: Of a step's way: a cable that goes back by as much in the next one goes to and fro, for planes turn as it does, or
 #: what rubs changes its mind. After so many times it is at rest, if it goes no further than `TAUT`.
 _TO_AND_FRO, _TURNS = 0.5, 8
@@ -168,7 +168,7 @@ class Road:
         done, part = (0.0, 1.0) if self.moved else (1.0, 1.0)
         whole = longest = dt = _LONGEST * settling.unit
         shortest = _SHORTEST * settling.unit / max(1.0, state.pull)  # what a taut cable does, it does so much faster
-        for _ in range(_MOST):
+        for _ in range(_FEWER if state.hasty else _MOST):
             if self.out_of_time():
                 return False
             at = min(1.0, done + part)

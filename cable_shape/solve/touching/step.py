@@ -249,7 +249,7 @@ class Steps:
         What bodies push between nodes on it becomes nodes, and it begins anew.
         """
         state = self.state
-        for left in range(_ROUNDS, -1, -1):
+        for left in range(1 if state.hasty else _ROUNDS, -1, -1):
             road = Road(state, self.links, self.out_of_time)
             there, arcs = road.go(frames, _PRESSED if left else MOST_ELEMENTS), road.pressed
             if not arcs.size or state.elements + arcs.size > MOST_ELEMENTS or not state.insert(arcs, SHORTEST):
