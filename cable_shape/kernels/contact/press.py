@@ -53,8 +53,10 @@ from cable_shape.kernels.contact.near import (
     TOWARD,
     allowed,
     lean,
+    leant,
     let_go,
     look,
+    pressed,
     shares,
 )
 from cable_shape.kernels.contact.pair_friction import NEXT, PULLED, any_rub, forget_pulls, pulled
@@ -422,9 +424,17 @@ def jump_at(net: Net, lying: Lying, near: Array, on: Array, i: int) -> Vector:
 
 @viewing(forceinline=True)
 def pushed(net: Net, lying: Lying, near: Array, on: Array, i: int, fraction: float) -> Vector:
-    """[N], the pushes of up to three bodies on contact i with a fraction of the step; 0 of those that there are not."""
+    """[N], the pushes of up to three bodies on contact i with a fraction of the step; 0 of those that there are not.
+
+    What a body holds a contact by along its surface turns with that under the step: the push is along the normal after
+    it, else forces would miss by what the step turns friction by, and Newton's method would be linear.
+    """
     k = net.where[i]
-    own = shares(near, on, k, jump_at(net, lying, near, on, i))
+    jump = jump_at(net, lying, near, on, i)
+    if near[k, MATE] != 0.0 and on[k, SECOND] == BARE:
+        force = pressed(near, k, NORMAL)
+        return dot(add(force, scale(fraction, subtract(jump, force))), leant(near, k, fraction)), 0.0, 0.0
+    own = shares(near, on, k, jump)
     first = near[k, PRESS] + fraction * (own[0] - near[k, PRESS])
     second = near[k, SECOND_PRESS] + fraction * (own[1] - near[k, SECOND_PRESS]) if on[k, SECOND] != BARE else 0.0
     third = near[k, THIRD_PRESS] + fraction * (own[2] - near[k, THIRD_PRESS]) if on[k, THIRD] != BARE else 0.0
