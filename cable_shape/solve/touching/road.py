@@ -60,7 +60,7 @@ _FIRM, _FINEST = 100.0, 0.05
 _LONGEST, _EASY, _SHORTEST = 30.0, 0.1, 1e-7
 _LONGER, _SHORTER, _CEILING, _EASIER = 8.0, 0.2, 0.3, 2.0
 _ITERATIONS = 60  #: of a step
-_MOST, _FEWER = 300, 40  #: steps that are tried, and where an equilibrium is near
+_MOST, _FEWER = 300, 120  #: steps that are tried, and where an equilibrium is near
 #: Of a step's way: a cable that goes back by as much in the next one goes to and fro, for planes turn as it does, or
 #: what rubs changes its mind. After so many times it is at rest, if it goes no further than `TAUT`.
 _TO_AND_FRO, _TURNS = 0.5, 8

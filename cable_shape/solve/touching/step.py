@@ -35,7 +35,7 @@ SHORTEST = 1.25e-3
 _RUNS = 8  #: of taking contacts that stand along the cable
 _SQUARE = 1e-3  #: cosine of the angle between cable and push of a contact that stands on an edge: it runs there, else
 _PRESSED = 5  #: steps of a road in which bodies push the cable between nodes, before these become nodes
-_ROUNDS = 8  #: of adding nodes where the cable dips into a body between them
+_ROUNDS, _FEW = 8, 3  #: of adding nodes where the cable dips into a body between them, and where an equilibrium is near
 _CONFIRMED = 4  #: meshes, each finer than the last, on which a shape is looked for that was found from nothing
 #: Of half a body's thickness and the cable's: how deep a point is that stands for one in the middle of the body, where
 #: points and times are at most so much apart.
@@ -249,7 +249,7 @@ class Steps:
         What bodies push between nodes on it becomes nodes, and it begins anew.
         """
         state = self.state
-        for left in range(1 if state.hasty else _ROUNDS, -1, -1):
+        for left in range(_FEW if state.hasty else _ROUNDS, -1, -1):
             road = Road(state, self.links, self.out_of_time)
             there, arcs = road.go(frames, _PRESSED if left else MOST_ELEMENTS), road.pressed
             if not arcs.size or state.elements + arcs.size > MOST_ELEMENTS or not state.insert(arcs, SHORTEST):
