@@ -151,7 +151,10 @@ def touches(s: Array, near: Array, on: Array, thick: Array, out: Array) -> int:
             out[count, 0], out[count, 1], out[count, 8] = s[k], on[k, column], force
             put3(out, count, 2, subtract(take3(near, k, SPOT), scale(thick[k], n)))
             put3(out, count, 5, n)
-            put3(out, count, 9, scale(force / whole, take3(near, k, RUB)))
+            rub = take3(near, k, RUB)
+            if on[k, SECOND] == BARE:  # the surface may have turned a little with the last step
+                rub = subtract(rub, scale(dot(rub, n), n))
+            put3(out, count, 9, scale(force / whole, rub))
             out[count, 12] = near[k, SLIPS] if near[k, MATE] != 0.0 else 0.0
             count += 1
     return count
