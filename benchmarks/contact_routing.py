@@ -4,8 +4,9 @@
 
 One grip stays, the other goes where a robot would take it: round a post and to and fro, down onto walls and across
 them, into a channel, along it and out again. Every second motion has friction. Each step is judged by
-`scene_certificate`, and counts as lost without a usable shape unless `scene_band` proves that the cable is too short.
-One that snapped over a body has passed it unless `scene_slide` comes to rest on the same side.
+`scene_certificate`, and counts as lost without a usable shape unless `scene_band` proves that the cable is too short,
+or `scene_held` that it is for the way on which friction holds it. One that snapped over a body has passed it unless
+`scene_slide` comes to rest on the same side.
 """
 
 from __future__ import annotations
@@ -280,7 +281,8 @@ def _print_routing(figures: Figures, motions: int, kinds: list[str] | None, pool
     """The same, in this process or in those of a pool."""
     heading(f"Random routing, motions of {STEPS} steps, every usable shape certified")
     print(
-        f"{'kind':24}{'motions':>8}{'steps':>8}{'too short':>10}{'no shape':>14}{'snapped':>8}{'wrong':>7}{'passed':>7}"
+        f"{'kind':24}{'motions':>8}{'steps':>8}{'too short':>10}{'held':>6}"
+        f"{'no shape':>14}{'snapped':>8}{'wrong':>7}{'passed':>7}"
     )
     total: Counter[str] = Counter()
     for kind in kinds or KINDS:
@@ -289,22 +291,22 @@ def _print_routing(figures: Figures, motions: int, kinds: list[str] | None, pool
             found = runs(kind, range(rubs, count, 2), pool)
             statuses = sum((f.statuses for f in found), Counter())
             wrong = sum((f.wrong for f in found), Counter())
-            short = statuses["too far apart"]
-            steps = statuses.total() - short
+            short, held = statuses["too far apart"], statuses["held"]
+            steps = statuses.total() - short - held
             usable = sum(statuses[name] for name in ("OK", "UNSTABLE", "SNAPPED", "BUDGET"))
             share, passed = 100.0 * (steps - usable) / max(steps, 1), wrong["through"]
             name = f"{kind}, friction {FRICTION if rubs else 0.0}"
-            row = f"{name:24}{len(found):8d}{steps:8d}{short:10d}{steps - usable:6d} {share:5.2f} %"
+            row = f"{name:24}{len(found):8d}{steps:8d}{short:10d}{held:6d}{steps - usable:6d} {share:5.2f} %"
             print(
                 f"{row}{statuses['SNAPPED']:9d}{wrong.total() - passed:7d}{passed:7d}  {dict(wrong) or ''}", flush=True
             )
             for text in [f.first for f in found if f.first][:5]:
                 print(f"    {text}")
-            worst = sorted(((f.lost, n) for f, n in zip(found, range(rubs, count, 2), strict=True)), reverse=True)
+            worst = sorted(((len(f.lost), n) for f, n in zip(found, range(rubs, count, 2), strict=True)), reverse=True)
             print("    most lost: " + ", ".join(f"{lost} in {n}" for lost, n in worst[:6] if lost))
             bound = LOST_IN_CHANNELS if kind == "channel" and rubs else LOST
             figures.at_most(f"routing, {name}: steps without a shape", share, bound, "{:.2f}", " %")
-            total += Counter(steps=steps, short=short, wrong=wrong.total() - passed, passed=passed)
+            total += Counter(steps=steps, short=short + held, wrong=wrong.total() - passed, passed=passed)
     figures.at_most("routing: violated certificates", float(total["wrong"]), 0.0, "{:.0f}")
     figures.at_most("routing: passed through a body or a cable", float(total["passed"]), 0.0, "{:.0f}")
     share = 100.0 * total["short"] / (total["steps"] + total["short"])

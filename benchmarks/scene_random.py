@@ -3,8 +3,8 @@
     python benchmarks/scene_random.py [--motions N] [--kind KIND] [--only NUMBER]
 
 Every step without a usable shape counts, but for those for which the cable is too short: whose ends are further apart,
-or whose shortest way on the side of the bodies where it was last is longer than the cable (`scene_band`). What is wrong
-with a usable shape is found by `scene_certificate`, in numpy.
+or whose shortest way on the side of the bodies where it was last is longer than the cable (`scene_band`), or that on
+which friction holds it (`scene_held`). What is wrong with a usable shape is found by `scene_certificate`, in numpy.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from figures import Figures, heading
 from scene_band import Band
 from scene_certificate import Array, crossed, distances, judged, passed
+from scene_held import Held
 from scene_slide import slid_there
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
@@ -232,21 +233,29 @@ def run_motion(given: Motion, title: str) -> Found:
     statuses: Counter[str] = Counter()
     wrong: Counter[str] = Counter()
     first, before, lost, since = "", None, [], []
-    bands = {name: Band(cable, given.scene, given.clips.get(name, [])) for name, cable in given.cables.items()}
+    bands, holds = (
+        {name: kind(cable, given.scene, given.clips.get(name, [])) for name, cable in given.cables.items()}
+        for kind in (Band, Held)
+    )
     for k, grips in enumerate(given.steps):
         shapes = cycle.step(grips, stamp=10_000_000 * k).shapes
         since.append(grips)
         texts = []
         for name, shape in shapes.items():
             clips = given.clips.get(name, [])
+            told = holds[name].too_short(*grips[name])
+            held = told and not shape.usable
             none = not shape.usable and (
                 short(clips, shape.length, *grips[name]) or bands[name].too_short(*grips[name])
             )
-            statuses["too far apart" if none else shape.status.name] += 1
+            statuses["too far apart" if none else "held" if held else shape.status.name] += 1
             if shape.usable:
+                if told and not shape.frictionless:
+                    texts.append("held: friction holds the cable on a way for which it is too short")
                 bands[name].lie(shape)
+                holds[name].lie(shape)
                 texts += judged(given.cables[name], given.scene, shape, shape.supports, given.cables)
-            elif not none:
+            elif not (none or held):
                 lost.append(k)
         if all(shape.usable for shape in shapes.values()):
             if before is not None:
@@ -309,7 +318,7 @@ def print_random(figures: Figures, motions: int, kinds: list[str] | None = None)
         found = [run(kind, number) for number in tqdm(range(motions), desc=kind, leave=False, disable=None)]
         statuses = sum((f.statuses for f in found), Counter())
         wrong = sum((f.wrong for f in found), Counter())
-        steps = statuses.total() - statuses["too far apart"]
+        steps = statuses.total() - statuses["too far apart"] - statuses["held"]
         usable = sum(statuses[name] for name in ("OK", "UNSTABLE", "SNAPPED", "BUDGET"))
         without = 100.0 * (steps - usable) / steps
         row = f"{kind:20}{motions:8d}{steps:8d}{without:8.2f} %{statuses['SNAPPED']:9d}{wrong.total():7d}"
