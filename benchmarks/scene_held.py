@@ -16,7 +16,7 @@ is too short, though another way past the bodies is shorter: it would have to be
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +24,10 @@ from scene_band import LONGER
 from scene_certificate import Array
 
 import cable_shape as cs
+
+#: Of sqrt(EI / T), in which what a band turns at once is spread in a cable: where contacts of one body are shorter than
+#: that in all, a band would touch elsewhere.
+THICK = 2.0
 
 
 class Stop(NamedTuple):
@@ -56,6 +60,21 @@ def growth(way: list[Stop]) -> float:
             return math.inf
         total += g * g / math.sqrt((stop.rubs * n) ** 2 - g * g)
     return math.exp(total)
+
+
+def bent(cable: cs.Cable, shape: cs.CableShape) -> bool:
+    """Whether bending keeps the cable from lying on a body as a band would."""
+    touched = sorted(shape.contacts, key=lambda contact: contact.arc_length)
+    for _, row in groupby(touched, key=lambda contact: contact.body):
+        arcs = [contact.arc_length for contact in row]
+        pull = float(
+            np.linalg.norm(
+                shape.force[np.searchsorted(shape.arc_length, arcs).clip(max=shape.points - 1)], axis=1
+            ).min()
+        )
+        if arcs[-1] - arcs[0] < THICK * math.sqrt(max(cable.bending_stiffness) / pull):
+            return True
+    return False
 
 
 def long(way: list[Stop]) -> float:
@@ -94,6 +113,8 @@ def drawn_on(
     touched = sorted(last.contacts, key=lambda contact: contact.arc_length)
     arcs = [contact.arc_length for contact in touched]
     if not touched or any(contact.body not in rubs for contact in touched) or len(set(arcs)) < len(arcs):
+        return False, 0.0
+    if bent(cable, last):
         return False, 0.0
     on = [Stop(c.point + 0.5 * cable.diameter * c.normal, c.normal, rubs[c.body]) for c in touched]
     runs = [clip for clip in clips if clip.kind == "slide"]

@@ -37,6 +37,7 @@ def test_what_slips_on_a_ball_grows_by_the_integral(polar):
 def test_friction_does_not_hold_steeper_circles(polar):
     assert abs(1.0 / math.tan(polar)) > 0.4
     assert growth(circle(polar, 0.4)[0]) == math.inf
+    assert growth(circle(polar, 1.0)[0]) < math.inf
 
 
 def test_no_shape_contradicts_it_and_what_has_been_slack_may_lie_elsewhere():

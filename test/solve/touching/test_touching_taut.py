@@ -49,14 +49,27 @@ def test_no_part_of_a_cable_in_a_clip_is_shorter_than_it_is_long():
     assert usable >= 50
 
 
-def test_a_rough_cable_drawn_round_three_posts_is_hardly_lost():
-    """It sticks to two of them at many nodes: without that the road leads on. It is long enough throughout."""
+def test_a_rough_cable_drawn_round_three_posts_lacks_what_a_band_does_that_friction_holds():
+    """It sticks to two of them on a way longer than it is, though the shortest is not, and is hardly lost else."""
     routed = contact_routing.motion("posts", 11)
     ((name, cable),) = routed.cables.items()
     predictor = cs.Predictor(cable, scene=routed.scene, model="cosserat")
-    shapes = [predictor.predict(*grips[name]) for grips in routed.steps[:75]]
-    assert sum(not shape.usable for shape in shapes) <= 2
-    assert any(shape.frictionless for shape in shapes)  # and says so
+    lost = 0
+    lacking = []
+    for grips in routed.steps[:75]:
+        shape = predictor.predict(*grips[name])
+        if shape.usable:
+            held = [c.point + 0.5 * cable.diameter * c.normal for c in shape.contacts]
+            continue
+        band = sum(math.dist(a, b) for a, b in pairwise([grips[name][0].position, *held, grips[name][1].position]))
+        if shape.status is cs.Status.OVERSTRETCHED and band > cable.length:
+            lacking.append((shape.missing_length, band - cable.length))
+        else:
+            lost += 1
+    assert len(lacking) > 5
+    found, band = np.transpose(lacking)
+    assert_allclose(found, band, rtol=0.1, atol=1e-4 * cable.length)
+    assert lost <= 2
 
 
 def test_what_was_tried_and_taken_back_is_not_where_it_goes_on_from():
