@@ -63,9 +63,7 @@ def over(distance: float) -> float:
 def hessian(
     kind: int, a: float, b: float, c: float, x: float, y: float, z: float, d: float, nx: float, ny: float, nz: float
 ) -> Matrix:
-    """Second derivative of the signed distance d with gradient n to a convex solid, in the solid's own frame."""
-    if kind == HALF_SPACE:
-        return FLAT
+    """Second derivative of the signed distance d with gradient n to a convex, bounded solid, in the solid's frame."""
     if kind == SPHERE:
         return across(nx, ny, nz, over(d + a))
     if kind == CAPSULE:
