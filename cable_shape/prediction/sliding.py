@@ -17,7 +17,7 @@ from cable_shape.solve.touching.touching import ACCURACY
 Where = tuple[Ends, Links]
 _FEWEST_POINTS = 8  #: of a shape from which a motion goes on
 _BESIDE = 0.01  #: of the length: an equilibrium further from where the cable came to rest is another one
-_LONGEST_PAUSE = 64  #: steps that are let pass where a cable of which no shape is known could not be let down
+_LONGEST_PAUSE, _PAUSE = 64, 16  #: steps that are let pass where a cable not known has come to no rest, or a taut one
 _FAR = 0.02  #: of the length: a cable that comes to rest further away from where it was has snapped
 
 
@@ -72,8 +72,8 @@ class Sliding:
         found = self._slid(last, where, problem, leaps=shape.usable)
         if found is None:
             self._waits = self._pause if stuck else 0
-            if last is None:
-                self._pause = min(2 * self._pause, _LONGEST_PAUSE)
+            if last is None or _drawn(last[0]):
+                self._pause = min(2 * self._pause, _LONGEST_PAUSE if last is None else _PAUSE)
             return self._remember(shape, where)
         if last is None and found.status is Status.SNAPPED:  # from where it came to rest, which nobody has seen
             found.status, found.detail = Status.OK, ""
@@ -85,6 +85,7 @@ class Sliding:
         """Goes on from a shape, if it is usable."""
         if shape.usable:
             self._last = shape, where
+            self._waits, self._pause = 0, 1
         return shape
 
     def _slid(
@@ -123,6 +124,11 @@ def _may(last: tuple[CableShape, Where] | None, problem: Problem) -> bool:
     if last is not None and last[0].length != problem.cable.length:
         return False
     return problem.points >= _FEWEST_POINTS and problem.acceleration is None
+
+
+def _drawn(shape: CableShape) -> bool:
+    """Whether most of a shape is pulled: what does not go on from there is too short, and a motion of no use."""
+    return bool(np.median((shape.force * shape.tangents).sum(axis=1)) > 0.0)
 
 
 def _leaps(shape: CableShape, last: CableShape) -> bool:

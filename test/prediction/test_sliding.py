@@ -169,3 +169,18 @@ def test_roads_are_short_only_where_an_equilibrium_is_looked_for_near_a_motions_
         assert not rod._touch.hasty
     assert True in seen
     assert False in seen
+
+
+def test_what_is_drawn_taut_and_goes_nowhere_is_tried_less_and_less_often(monkeypatch):
+    """Drawn round two posts by more than it is long; a motion takes seconds to find that it goes nowhere."""
+    given, tried = motion("clips", 49), []
+    monkeypatch.setattr(rest, "led_to_rest", lambda *_: tried.append(k) or iter(()))
+    cycle = cs.Cycle(given.cables, scene=given.scene, clips=given.clips, model="cosserat", points=301)
+    usable = []
+    for k, grips in enumerate(given.steps[:90]):
+        usable.append(cycle.step(grips, stamp=10_000_000 * k).shapes["cable"].usable)
+    stuck = [k for k in tried if not any(usable[k:])]
+    assert len(stuck) >= 3
+    apart = np.diff(stuck)
+    assert (apart[1:] >= 2 * apart[:-1] - 1).all()
+    assert apart.max() > 7
