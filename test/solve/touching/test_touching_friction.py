@@ -97,8 +97,10 @@ def test_a_limp_cable_that_slips_round_a_post_is_a_capstan(friction, degrees):
         tight, slack = (float(np.linalg.norm(shape.force[k])) for k in (before, after))
         turns = (shape.tangents[before:after] * shape.tangents[before + 1 : after + 1]).sum(axis=1)
         found.append(tight / slack / math.exp(friction * np.arccos(np.clip(turns, -1.0, 1.0)).sum()))
-    # all but one step: where nodes come or go, some stick for a while
-    np.testing.assert_allclose(np.sort(np.abs(np.array(found[8:]) - 1.0))[:-1], 0.0, atol=0.012)
+    off = np.sort(np.abs(np.array(found[8:]) - 1.0))
+    if degrees == 360 and friction >= 0.3:  # where nodes come or go, some stick for a while: in one step
+        off = off[:-1]
+    np.testing.assert_allclose(off, 0.0, atol=0.012)
     np.testing.assert_allclose(np.median(found[8:]), 1.0, atol=0.01)
 
 
