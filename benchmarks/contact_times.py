@@ -26,6 +26,8 @@ CABLE = cs.Cable(1.2, 0.1, 0.003, 0.003, diameter=0.004)
 HALF = math.sqrt(0.5)
 OUT, BACK = (0.0, HALF, 0.0, HALF), (0.0, -HALF, 0.0, HALF)
 STEPS, SPEED = 200, 1e-4  # of the grips, and by how much they move in each [m]
+#: [m], from grip to grip in the middle of the motion: less in the channel, or some 40 contacts are there, not 20.
+CHORD, CHORD_IN_CHANNEL = 1.13, 1.15
 ASKED = {"without friction": 80.0, "friction 0.4": 160.0, "in a channel": 160.0}  # us
 ASKED_OF_ROAD = 1000.0  # us
 
@@ -34,9 +36,15 @@ def scenes() -> dict[str, cs.Scene]:
     """What the cable lies on, by name."""
     wall = cs.Box((1.0, 0.02, 0.03))
     table, rough = (cs.Obstacle("table", cs.HalfSpace(), friction=rubs) for rubs in (0.0, 0.4))
-    walls = [cs.Obstacle(f"wall{y}", wall, cs.Pose((0.565, y, 0.015))) for y in (-0.012, 0.013)]
+    walls = [cs.Obstacle(f"wall{y}", wall, cs.Pose((0.565, y, 0.015))) for y in (-0.013, 0.016)]
     bodies = {"without friction": [table], "friction 0.4": [rough], "in a channel": [table, *walls]}
     return {name: cs.Scene(obstacles=found, contact="solve") for name, found in bodies.items()}
+
+
+def ends(t: float, chord: float) -> tuple[cs.Pose, cs.Pose]:
+    """The grips at a time, in the middle of the motion so far [m] apart."""
+    start = cs.Pose((0, 0.002 * np.sin(t), 0.03 + 0.02 * np.sin(t)), ALONG_X)
+    return start, cs.Pose((chord + 0.01 * np.sin(1.4 * t), start.position[1], start.position[2]), ALONG_X)
 
 
 @contextmanager
@@ -66,12 +74,11 @@ def print_times(figures: Figures) -> None:
     lost = dict.fromkeys(predictors, 0)
     for k in range(STEPS):
         t = SPEED * k / 0.02
-        start = cs.Pose((0, 0.002 * np.sin(t), 0.03 + 0.02 * np.sin(t)), ALONG_X)
-        end = cs.Pose((1.13 + 0.01 * np.sin(1.4 * t), 0.002 * np.sin(t), start.position[2]), ALONG_X)
-        turns.of("plain", lambda a=start, b=end: plain.predict(a, b))
+        turns.of("plain", lambda ends=ends(t, CHORD): plain.predict(*ends))
         for name, predictor in predictors.items():
+            at = ends(t, CHORD_IN_CHANNEL if name == "in a channel" else CHORD)
             with compiled_calls() as spent:
-                shape = turns.of(name, lambda p=predictor, a=start, b=end: p.predict(a, b))
+                shape = turns.of(name, lambda p=predictor, at=at: p.predict(*at))
             contacts[name].append(len(shape.contacts))
             lost[name] += not shape.usable
             compiled[name].append(sum(spent))
