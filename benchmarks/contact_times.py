@@ -74,7 +74,8 @@ def print_times(figures: Figures) -> None:
     lost = dict.fromkeys(predictors, 0)
     for k in range(STEPS):
         t = SPEED * k / 0.02
-        turns.of("plain", lambda ends=ends(t, CHORD): plain.predict(*ends))
+        at = ends(t, CHORD)
+        turns.of("plain", lambda at=at: plain.predict(*at))
         for name, predictor in predictors.items():
             at = ends(t, CHORD_IN_CHANNEL if name == "in a channel" else CHORD)
             with compiled_calls() as spent:

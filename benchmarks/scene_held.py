@@ -28,6 +28,7 @@ import cable_shape as cs
 #: Of sqrt(EI / T), in which what a band turns at once is spread in a cable: where contacts of one body are shorter than
 #: that in all, a band would touch elsewhere.
 THICK = 2.0
+STRAIGHT = 9  #: places on the straight way from a last shape
 
 
 class Stop(NamedTuple):
@@ -103,6 +104,23 @@ class Held:
         self._eased = not found and total < self._long
         self._long = total
         return found
+
+    def eases(self, start: cs.Pose, end: cs.Pose) -> bool:
+        """Whether it has slack between its last shape and these grips on the straight way there.
+
+        Which a cable goes that had no shape on its own way: it may lie otherwise there, though its own way drew it on.
+        """
+        if self._last is None:
+            return False
+        grips = self._last.positions[[0, -1]]
+        ways = np.array([start.position, end.position]) - grips
+        total = 0.0
+        for at in np.linspace(0.0, 1.0, STRAIGHT):
+            poses = [cs.Pose(place) for place in grips + at * ways]
+            before, (_, total) = total, drawn_on(self.cable, self.scene, self.clips, self._last, *poses)
+            if total < before:
+                return True
+        return False
 
 
 def drawn_on(
