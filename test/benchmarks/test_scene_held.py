@@ -42,7 +42,7 @@ def test_friction_does_not_hold_steeper_circles(polar):
 
 
 def test_no_shape_contradicts_it_and_what_has_been_slack_may_lie_elsewhere():
-    given = contact_routing.motion("clips", 13)
+    given = contact_routing.motion("clips", 23)
     (cable,) = given.cables.values()
     clips = given.clips["cable"]
     cycle = cs.Cycle(given.cables, scene=given.scene, clips=given.clips, model="cosserat", points=301)
