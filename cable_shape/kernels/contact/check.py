@@ -151,7 +151,8 @@ def touches(s: Array, near: Array, on: Array, thick: Array, out: Array) -> int:
             n, force = take3(near, k, normal), near[k, exact]
             if on[k, SECOND] == BARE:
                 n = add(n, take3(near, k, TILT))
-                n = scale(1.0 / math.sqrt(dot(n, n)), n)
+                size = math.sqrt(dot(n, n))
+                n, force = scale(1.0 / size, n), size * force
             out[count, 0], out[count, 1], out[count, 8] = s[k], on[k, column], force
             put3(out, count, 2, subtract(take3(near, k, SPOT), scale(thick[k], n)))
             put3(out, count, 5, n)
