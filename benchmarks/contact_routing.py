@@ -307,6 +307,11 @@ def _print_routing(figures: Figures, motions: int, kinds: list[str] | None, pool
             bound = LOST_IN_CHANNELS if kind == "channel" and rubs else LOST
             figures.at_most(f"routing, {name}: steps without a shape", share, bound, "{:.2f}", " %")
             total += Counter(steps=steps, short=short + held, wrong=wrong.total() - passed, passed=passed)
+            if bound == LOST:
+                total += Counter(elsewhere=steps, lost=steps - usable)
+    if total["elsewhere"]:
+        share = 100.0 * total["lost"] / total["elsewhere"]
+        figures.at_most("routing, all but channels with friction: steps without a shape", share, LOST, "{:.2f}", " %")
     figures.at_most("routing: violated certificates", float(total["wrong"]), 0.0, "{:.0f}")
     figures.at_most("routing: passed through a body or a cable", float(total["passed"]), 0.0, "{:.0f}")
     share = 100.0 * total["short"] / (total["steps"] + total["short"])
