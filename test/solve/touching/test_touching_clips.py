@@ -10,6 +10,8 @@ from contact_reference import compared, deepest, finer
 from eyelets import motions
 
 import cable_shape as cs
+from cable_shape.kernels.contact.near import BARE, EXACT, NORMAL, TILT
+from cable_shape.kernels.network.tables import NOW
 from cable_shape.solve.touching.touching import DEEPEST
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
@@ -258,6 +260,17 @@ def test_a_contact_that_has_no_room_to_run_along_the_cable_presses_it_square(bes
     assert shape.iterations < 15
     (eyelet,) = (load for load, held in zip(shape.clips, scene.clips, strict=True) if held.kind == "slide")
     assert abs(eyelet.force @ tangent_at(shape, eyelet.arc_length)) < 1e-4 * np.linalg.norm(eyelet.force)
+
+
+def test_a_contact_is_told_with_the_whole_force_of_a_push_that_is_turned():
+    _, predictor = lowered("ball")
+    state = predictor._solver._touch
+    k = int(np.flatnonzero(state.on[NOW, :, 0] != BARE)[0])
+    row = state.near[NOW, k]
+    row[TILT : TILT + 3] = (0.03, -0.04, 0.0)  # along the table
+    told = state.touches()[0]
+    assert told[8] * told[5:8] == pytest.approx(row[EXACT] * (row[NORMAL : NORMAL + 3] + row[TILT : TILT + 3]))
+    assert np.linalg.norm(told[5:8]) == pytest.approx(1.0)
 
 
 def test_a_cable_lifted_off_in_an_eyelet_is_that_without_contact():
