@@ -54,7 +54,8 @@ NARROWEST = 0.12  # of both neighbouring elements: how short one of them may bec
 def slide(lying: Lying, q: Array, near: Array, on: Array, masses: Array, least: float, merging: bool) -> float:
     """Moves the nodes of contacts that run to where the cable is nearest; returns the longest way gone [m].
 
-    The pushes of those that have no room for it turn as far: what runs presses the cable square, see `knots.press_on`.
+    The pushes of those that have no room to go on to where they are near turn as far: what runs presses the cable
+    square, see `knots.press_on`.
     What `Lying.start` has for the nodes goes along. masses (p,) [m]: where nodes stay. merging: see `merge`.
     """
     s, h, flex = lying.s, lying.h, lying.flex
@@ -74,9 +75,8 @@ def slide(lying: Lying, q: Array, near: Array, on: Array, masses: Array, least: 
         limit = FARTHEST * min(h[k - 1], h[k])
         gone = 0.0 if is_any(masses, s[k], 1e-9 * s[last]) else run_by(lying, q, near, k, way)
         longest = max(longest, abs(gone))
-        if near[k, MATE] == 0.0:  # what friction holds has it in what it rubs by
-            left = min(max(way, -limit), limit) - gone
-            put3(near, k, TILT, scale(left, apply(get9(near, k, CURVED), tangent_of(q, k))))
+        if near[k, MATE] == 0.0 and abs(way) <= limit:  # what friction holds has it in what it rubs by
+            put3(near, k, TILT, scale(way - gone, apply(get9(near, k, CURVED), tangent_of(q, k))))
     return longest
 
 
