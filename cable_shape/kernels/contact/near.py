@@ -1,11 +1,11 @@
 """Which nodes of a cable touch which bodies: gaps, normals and curvatures at the nodes.
 
-    near  (N+1, 67) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
+    near  (N+1, 64) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
                     its surface 9 | place 3 | change of place in the last step 3 | contact force corrected [N] | 1: its
                     contact has just ended | push of another cable [N] | direction from there 3 | how far that is [m] |
                     the push corrected [N] | of a second body: contact force, gap, normal 3, curvature 9, force
                     corrected | what friction remembers 15 | of a third body: contact force, gap, normal 3, force
-                    corrected | turn of the normal from the node on to where the cable would run if there were room 3
+                    corrected
     on    (N+1, 6)  row of the body that the node is pressed on, -1: none | row of the nearest body, -1: none near |
                     2 i or 2 i + 1 at pair i, -1: of none, see `link` | 1: the pair's cables touch | row of a second
                     body that the node is pressed on | row of a third one, which together with both leaves it no way
@@ -20,9 +20,9 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.distance.distance import HALF_SPACE, MESH, SPHERES
+from cable_shape.kernels.distance.distance import HALF_SPACE
 from cable_shape.kernels.distance.spheres import FLAT
-from cable_shape.kernels.distance.surface import at_least, outward, reach_of, touch
+from cable_shape.kernels.distance.surface import reach_of, touch
 from cable_shape.kernels.network.compiled import viewing
 from cable_shape.kernels.rod_algebra import (
     Vector,
@@ -41,14 +41,13 @@ from cable_shape.kernels.rod_algebra import (
 )
 from cable_shape.kernels.rod_element import relative
 
-NEAR, ON = 67, 6  # columns of `near` and `on`
+NEAR, ON = 64, 6  # columns of `near` and `on`
 PRESS, GAP, NORMAL, CURVED, SPOT, STEP, EXACT, ENDED = 0, 1, 2, 5, 14, 17, 20, 21
 PUSH, TOWARD, APART, PUSHED = 22, 23, 26, 27
 SECOND_PRESS, SECOND_GAP, SECOND_NORMAL, SECOND_CURVED, SECOND_EXACT = 28, 29, 30, 33, 42
 RUB, WAS, HELD, ARC, FIRM, SLIPS, MATE = 43, 46, 49, 52, 53, 54, 55
 LIMIT, OFF = 56, 57  # of friction [N], and by how much mu times the push was off it
 THIRD_PRESS, THIRD_GAP, THIRD_NORMAL, THIRD_EXACT = 58, 59, 60, 63
-TILT = 64
 LINK, LINKED, SECOND, THIRD = 2, 3, 4, 5
 BARE, ACTIVE, WAITS = -1, 1, 2
 CLOSED = 0.1  # volume that three unit normals span: with less they are next to one plane, where two hold a node
@@ -78,26 +77,16 @@ def look(
         put3(near, k, STEP, take3(near, k, NORMAL))
     for b in range(bodies.shape[0]):
         body, frame = bodies[b], frames[b]
-        kind = int(body[0])
-        endless, plain = kind == HALF_SPACE, kind not in (MESH, SPHERES)
+        endless = int(body[0]) == HALF_SPACE
         exclusion = GRIP_EXCLUSION if bodies[b, 12] != 0.0 else 0.0
         k = first_node + 1
         while k < last_node:
             if s[k] < exclusion or s[k] > s[last_node] - exclusion or on[k, SECOND] == b or on[k, THIRD] == b:
                 k += 1
                 continue
-            held, spot = on[k, 0] == b, take3(near, k, SPOT)
-            if not held and on[k, 1] != BARE:  # another body is near
-                least = at_least(body, frame, spot) - thick[k] + sunk
-                if near[k, GAP] <= least <= MARGIN:
-                    k += 1
-                    continue
-            if plain and (endless or not held):  # of no curvature, or none that matters
-                (d, n), H = outward(body, frame, spot), FLAT
-            else:
-                d, n, H = touch(
-                    body, frame, triangles, nodes, spot, take3(near, k, STEP) if held else NONE, held, stack
-                )
+            held = on[k, 0] == b
+            side = take3(near, k, STEP) if held else NONE
+            d, n, H = touch(body, frame, triangles, nodes, take3(near, k, SPOT), side, held, stack)
             gap = d - thick[k] + sunk
             if gap < near[k, GAP] and (held or (gap < MARGIN and (on[k, 0] == BARE or gap < -1e-5))):
                 near[k, GAP] = gap
@@ -143,7 +132,7 @@ def tangent_of(q: Array, k: int) -> Vector:
 @viewing
 def pressed(near: Array, k: int, normal: int) -> Vector:
     """[N], of the bodies on node k; normal: column with the first one's direction."""
-    own = add(scale(near[k, PRESS], add(take3(near, k, normal), take3(near, k, TILT))), take3(near, k, RUB))
+    own = add(scale(near[k, PRESS], take3(near, k, normal)), take3(near, k, RUB))
     own = add(own, scale(near[k, SECOND_PRESS], take3(near, k, SECOND_NORMAL)))
     return add(own, scale(near[k, THIRD_PRESS], take3(near, k, THIRD_NORMAL)))
 

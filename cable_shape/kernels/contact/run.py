@@ -15,13 +15,10 @@ from cable_shape.kernels.contact.near import (
     BARE,
     CURVED,
     LINK,
-    MATE,
-    NONE,
     NORMAL,
     PRESS,
     RUB,
     SHARP,
-    TILT,
     along_cable,
     is_knot,
     let_go,
@@ -54,8 +51,6 @@ NARROWEST = 0.12  # of both neighbouring elements: how short one of them may bec
 def slide(lying: Lying, q: Array, near: Array, on: Array, masses: Array, least: float, merging: bool) -> float:
     """Moves the nodes of contacts that run to where the cable is nearest; returns the longest way gone [m].
 
-    The pushes of those that have no room to go on to where they are near turn as far: what runs presses the cable
-    square, see `knots.press_on`.
     What `Lying.start` has for the nodes goes along. masses (p,) [m]: where nodes stay. merging: see `merge`.
     """
     s, h, flex = lying.s, lying.h, lying.flex
@@ -67,16 +62,13 @@ def slide(lying: Lying, q: Array, near: Array, on: Array, masses: Array, least: 
     for k in range(1, last):
         if on[k, 0] == BARE:
             continue
-        put3(near, k, TILT, NONE)
         second = along_cable(q, h, near, on, k, least, flex)
         if second == 0.0:
             continue
+        if is_any(masses, s[k], 1e-9 * s[last]):
+            continue
         way = -dot(tangent_of(q, k), take3(near, k, NORMAL)) / second
-        limit = FARTHEST * min(h[k - 1], h[k])
-        gone = 0.0 if is_any(masses, s[k], 1e-9 * s[last]) else run_by(lying, q, near, k, way)
-        longest = max(longest, abs(gone))
-        if near[k, MATE] == 0.0 and abs(way) <= limit:  # what friction holds has it in what it rubs by
-            put3(near, k, TILT, scale(way - gone, apply(get9(near, k, CURVED), tangent_of(q, k))))
+        longest = max(longest, abs(run_by(lying, q, near, k, way)))
     return longest
 
 
