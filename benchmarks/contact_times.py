@@ -26,7 +26,7 @@ CABLE = cs.Cable(1.2, 0.1, 0.003, 0.003, diameter=0.004)
 HALF = math.sqrt(0.5)
 OUT, BACK = (0.0, HALF, 0.0, HALF), (0.0, -HALF, 0.0, HALF)
 STEPS, SPEED = 200, 1e-4  # of the grips, and by how much they move in each [m]
-#: [m], from grip to grip in the middle of the motion: less in the channel, or some 40 contacts are there, not 20.
+#: [m], from grip to grip in the middle of the motion: nearer to each other, they would cram the cable in the channel.
 CHORD, CHORD_IN_CHANNEL = 1.13, 1.15
 ASKED = {"without friction": 80.0, "friction 0.4": 160.0, "in a channel": 160.0}  # us
 ASKED_OF_ROAD = 1000.0  # us

@@ -6,6 +6,7 @@ import contact_routing
 import numpy as np
 import pytest
 from scene_held import Held, Stop, growth, turns
+from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 
@@ -63,3 +64,14 @@ def test_no_shape_contradicts_it_and_what_has_been_slack_may_lie_elsewhere():
     assert not hold.too_short(*ways[far])
     hold.lie(last)
     assert hold.too_short(*ways[far])
+
+    outward, past = (last.positions[-1] + at for at in way_on(last))
+    assert not hold.eases(ways[0][0], cs.Pose(outward))
+    assert hold.eases(ways[0][0], cs.Pose(past))
+
+
+def way_on(shape):
+    """(3,), (3,): straight on from where it touches last, and so far round that place that the way cuts the corner."""
+    free = shape.positions[-1] - max(shape.contacts, key=lambda contact: contact.arc_length).point
+    round_it = Rotation.from_euler("z", 120.0, degrees=True).apply(free)
+    return 0.05 * free, 1.05 * round_it - free
