@@ -68,6 +68,23 @@ def test_normal_and_hessian_are_the_derivatives_of_the_distance(name):
     assert compared > 50
 
 
+@pytest.mark.parametrize("name", SOLIDS)
+def test_the_box_around_a_body_bounds_its_distance_from_below(name):
+    touch, rng = Touch(SOLIDS[name]), np.random.default_rng(4)
+    of_body, missed = (touch.bodies[0], touch.frames[0]), []
+    for at in POSE.position + rng.uniform(-0.3, 0.3, (300, 3)):
+        d, n, _ = touch(at)
+        least = surface.at_least(*of_body, tuple(at.tolist()))
+        assert least <= d + 1e-12
+        missed.append(d - least)
+        if "mesh" not in name:
+            plain, outward = surface.outward(*of_body, tuple(at.tolist()))
+            assert plain == d
+            assert np.array_equal(outward, n)
+    assert min(missed) < 0.02  # it is no bound that nothing comes near
+    assert name != "half-space" or max(missed) == 0.0
+
+
 def test_inside_round_bodies_the_curvature_is_that_of_the_level_surface():
     for solid, at in ((Sphere(0.1), np.array((0.03, 0.02, 0.04))), (Capsule(0.1, 0.2), np.array((0.03, 0.02, 0.05)))):
         touch = Touch(solid, Pose())

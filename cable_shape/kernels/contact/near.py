@@ -20,9 +20,9 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.distance.distance import HALF_SPACE
+from cable_shape.kernels.distance.distance import HALF_SPACE, MESH, SPHERES
 from cable_shape.kernels.distance.spheres import FLAT
-from cable_shape.kernels.distance.surface import reach_of, touch
+from cable_shape.kernels.distance.surface import at_least, outward, reach_of, touch
 from cable_shape.kernels.network.compiled import viewing
 from cable_shape.kernels.rod_algebra import (
     Vector,
@@ -77,16 +77,26 @@ def look(
         put3(near, k, STEP, take3(near, k, NORMAL))
     for b in range(bodies.shape[0]):
         body, frame = bodies[b], frames[b]
-        endless = int(body[0]) == HALF_SPACE
+        kind = int(body[0])
+        endless, plain = kind == HALF_SPACE, kind not in (MESH, SPHERES)
         exclusion = GRIP_EXCLUSION if bodies[b, 12] != 0.0 else 0.0
         k = first_node + 1
         while k < last_node:
             if s[k] < exclusion or s[k] > s[last_node] - exclusion or on[k, SECOND] == b or on[k, THIRD] == b:
                 k += 1
                 continue
-            held = on[k, 0] == b
-            side = take3(near, k, STEP) if held else NONE
-            d, n, H = touch(body, frame, triangles, nodes, take3(near, k, SPOT), side, held, stack)
+            held, spot = on[k, 0] == b, take3(near, k, SPOT)
+            if not held and on[k, 1] != BARE:  # another body is near
+                least = at_least(body, frame, spot) - thick[k] + sunk
+                if near[k, GAP] <= least <= MARGIN:
+                    k += 1
+                    continue
+            if plain and (endless or not held):  # of no curvature, or none that matters
+                (d, n), H = outward(body, frame, spot), FLAT
+            else:
+                d, n, H = touch(
+                    body, frame, triangles, nodes, spot, take3(near, k, STEP) if held else NONE, held, stack
+                )
             gap = d - thick[k] + sunk
             if gap < near[k, GAP] and (held or (gap < MARGIN and (on[k, 0] == BARE or gap < -1e-5))):
                 near[k, GAP] = gap

@@ -169,16 +169,51 @@ def touch(
             nx, ny, nz = n
         if curved:
             H = hessian(kind, body[1], body[2], body[3], x, y, z, d, nx, ny, nz)
-    n = (
-        frame[0, 0] * nx + frame[1, 0] * ny + frame[2, 0] * nz,
-        frame[0, 1] * nx + frame[1, 1] * ny + frame[2, 1] * nz,
-        frame[0, 2] * nx + frame[1, 2] * ny + frame[2, 2] * nz,
-    )
+    n = from_body(frame, nx, ny, nz)
     if curved:
         H = turned(frame, H)
     if kind == MESH and body[14] == 0.0 and remembered and n[0] * side[0] + n[1] * side[1] + n[2] * side[2] < 0.0:
         return -d, (-n[0], -n[1], -n[2]), mscale(-1.0, H)
     return d, n, H
+
+
+@kernel(forceinline=True)
+def outward(body: Array, frame: Array, at: Vector) -> tuple[float, Vector]:
+    """Signed distance [m] of a point of the world, and its gradient, world; not to meshes and spheres."""
+    x, y, z = into_body(frame, at[0], at[1], at[2])
+    d, nx, ny, nz = signed_distance(int(body[0]), body[1], body[2], body[3], x, y, z)
+    return d, from_body(frame, nx, ny, nz)
+
+
+@kernel(forceinline=True)
+def from_body(frame: Array, x: float, y: float, z: float) -> Vector:
+    """A direction in the body's frame in the world's."""
+    return (
+        frame[0, 0] * x + frame[1, 0] * y + frame[2, 0] * z,
+        frame[0, 1] * x + frame[1, 1] * y + frame[2, 1] * z,
+        frame[0, 2] * x + frame[1, 2] * y + frame[2, 2] * z,
+    )
+
+
+@kernel(forceinline=True)
+def at_least(body: Array, frame: Array, at: Vector) -> float:
+    """A bound [m] from below on the signed distance of a point of the world: that to the box around the body.
+
+    It costs little; of spheres it is none, for they have a soft surface beyond their own.
+    """
+    kind = int(body[0])
+    x, y, z = into_body(frame, at[0], at[1], at[2])
+    if kind == HALF_SPACE:
+        return z
+    if kind == SPHERES:
+        return -math.inf
+    if kind == MESH:
+        x, y, z = x - body[15], y - body[16], z - body[17]
+    x, y, z = abs(x), abs(y), abs(z)
+    if kind in (BOX, MESH):
+        return max(x - body[1], y - body[2], z - body[3])
+    end = body[2] if kind == CYLINDER else body[1] + body[2]
+    return max(x - body[1], y - body[1], z - end)
 
 
 @kernel
