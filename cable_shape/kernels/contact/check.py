@@ -24,6 +24,7 @@ from cable_shape.kernels.contact.near import (
     THIRD,
     THIRD_EXACT,
     THIRD_NORMAL,
+    TILT,
 )
 from cable_shape.kernels.distance.surface import reach_of, touch
 from cable_shape.kernels.rod_algebra import (
@@ -148,6 +149,10 @@ def touches(s: Array, near: Array, on: Array, thick: Array, out: Array) -> int:
             if on[k, column] == BARE or not near[k, exact] > 0.0:
                 continue
             n, force = take3(near, k, normal), near[k, exact]
+            if on[k, SECOND] == BARE:
+                n = add(n, take3(near, k, TILT))
+                size = math.sqrt(dot(n, n))
+                n, force = scale(1.0 / size, n), size * force
             out[count, 0], out[count, 1], out[count, 8] = s[k], on[k, column], force
             put3(out, count, 2, subtract(take3(near, k, SPOT), scale(thick[k], n)))
             put3(out, count, 5, n)

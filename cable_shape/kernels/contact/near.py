@@ -1,11 +1,11 @@
 """Which nodes of a cable touch which bodies: gaps, normals and curvatures at the nodes.
 
-    near  (N+1, 64) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
+    near  (N+1, 67) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
                     its surface 9 | place 3 | change of place in the last step 3 | contact force corrected [N] | 1: its
                     contact has just ended | push of another cable [N] | direction from there 3 | how far that is [m] |
                     the push corrected [N] | of a second body: contact force, gap, normal 3, curvature 9, force
                     corrected | what friction remembers 15 | of a third body: contact force, gap, normal 3, force
-                    corrected
+                    corrected | turn of the normal from the node on to where the cable would run if there were room 3
     on    (N+1, 6)  row of the body that the node is pressed on, -1: none | row of the nearest body, -1: none near |
                     2 i or 2 i + 1 at pair i, -1: of none, see `link` | 1: the pair's cables touch | row of a second
                     body that the node is pressed on | row of a third one, which together with both leaves it no way
@@ -41,13 +41,14 @@ from cable_shape.kernels.rod_algebra import (
 )
 from cable_shape.kernels.rod_element import relative
 
-NEAR, ON = 64, 6  # columns of `near` and `on`
+NEAR, ON = 67, 6  # columns of `near` and `on`
 PRESS, GAP, NORMAL, CURVED, SPOT, STEP, EXACT, ENDED = 0, 1, 2, 5, 14, 17, 20, 21
 PUSH, TOWARD, APART, PUSHED = 22, 23, 26, 27
 SECOND_PRESS, SECOND_GAP, SECOND_NORMAL, SECOND_CURVED, SECOND_EXACT = 28, 29, 30, 33, 42
 RUB, WAS, HELD, ARC, FIRM, SLIPS, MATE = 43, 46, 49, 52, 53, 54, 55
 LIMIT, OFF = 56, 57  # of friction [N], and by how much mu times the push was off it
 THIRD_PRESS, THIRD_GAP, THIRD_NORMAL, THIRD_EXACT = 58, 59, 60, 63
+TILT = 64
 LINK, LINKED, SECOND, THIRD = 2, 3, 4, 5
 BARE, ACTIVE, WAITS = -1, 1, 2
 CLOSED = 0.1  # volume that three unit normals span: with less they are next to one plane, where two hold a node
@@ -142,7 +143,7 @@ def tangent_of(q: Array, k: int) -> Vector:
 @viewing
 def pressed(near: Array, k: int, normal: int) -> Vector:
     """[N], of the bodies on node k; normal: column with the first one's direction."""
-    own = add(scale(near[k, PRESS], take3(near, k, normal)), take3(near, k, RUB))
+    own = add(scale(near[k, PRESS], add(take3(near, k, normal), take3(near, k, TILT))), take3(near, k, RUB))
     own = add(own, scale(near[k, SECOND_PRESS], take3(near, k, SECOND_NORMAL)))
     return add(own, scale(near[k, THIRD_PRESS], take3(near, k, THIRD_NORMAL)))
 

@@ -142,6 +142,7 @@ TIGHTENED = 1e-3  # rad: a step below which such a solution counts as found
 RUBBED = 1e-5  # of the largest limit: by how much a force along a surface may miss the law of friction
 LIMP = 2e-3  # EI / (w L^3): in softer cables errors of rotation carry nodes of steep legs far off their places
 CALM = 0.1  # rad: contacts are dropped after steps below this only
+SQUARE = 1e-3  # rad: pushes turn from the first step below this on, see `run.slide`; with friction they do not
 #: What `press` tells in `info`: iterations, last step [rad], negative eigenvalues beyond those of the forces (0:
 #: stable), knots, assemblies, kicks off a saddle, changes of the set of contacts, the largest gap at a contact [m], how
 #: far the node that slid furthest slid last [m].
@@ -184,7 +185,7 @@ def press(
         for k in range(near.shape[0]):
             let_go(near, k)
             near[k, MATE] = 0.0
-    decided = False
+    decided = square = False
     find_pairs(lying, on)
     rubs, few = rough and any_rub(lying), active_pairs(lying, on) <= COUPLED
     of_pairs = 2.0 if few and gentle == 0 else 1.0
@@ -200,7 +201,9 @@ def press(
         deep = min(ADD + length * largest * largest, MOST)
         changed += change_links(lying, near, on, least if settled else math.inf, deep)
         runs = STANDS if running == 0 else (ROUND / length if iterations <= running else math.inf)
-        slid = slide(lying, q, near, on, masses, runs, iterations <= min(MERGING, running))
+        merging = iterations <= min(MERGING, running)
+        square = square or (not rough and iterations > 1 and largest < SQUARE)
+        slid = slide(lying, q, near, on, masses, runs, merging, square)
         way, matters = slide_pairs(lying, q, near, on)
         slid, matters = max(slid, way), max(slid, matters)
         reuse = reuse and changed == 0 and slid < RESTLESS * length

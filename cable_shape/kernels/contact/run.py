@@ -15,10 +15,13 @@ from cable_shape.kernels.contact.near import (
     BARE,
     CURVED,
     LINK,
+    MATE,
+    NONE,
     NORMAL,
     PRESS,
     RUB,
     SHARP,
+    TILT,
     along_cable,
     is_knot,
     let_go,
@@ -48,10 +51,14 @@ NARROWEST = 0.12  # of both neighbouring elements: how short one of them may bec
 
 
 @kernel
-def slide(lying: Lying, q: Array, near: Array, on: Array, masses: Array, least: float, merging: bool) -> float:
+def slide(
+    lying: Lying, q: Array, near: Array, on: Array, masses: Array, least: float, merging: bool, square: bool
+) -> float:
     """Moves the nodes of contacts that run to where the cable is nearest; returns the longest way gone [m].
 
-    What `Lying.start` has for the nodes goes along. masses (p,) [m]: where nodes stay. merging: see `merge`.
+    What `Lying.start` has for the nodes goes along. masses (p,) [m]: where nodes stay. merging: see `merge`. square:
+    whether the pushes of those that have no room to go on to where they are near turn as far, near rest: what runs
+    presses the cable square, see `knots.press_on`.
     """
     s, h, flex = lying.s, lying.h, lying.flex
     last = h.shape[0]
@@ -62,13 +69,16 @@ def slide(lying: Lying, q: Array, near: Array, on: Array, masses: Array, least: 
     for k in range(1, last):
         if on[k, 0] == BARE:
             continue
+        put3(near, k, TILT, NONE)
         second = along_cable(q, h, near, on, k, least, flex)
         if second == 0.0:
             continue
-        if is_any(masses, s[k], 1e-9 * s[last]):
-            continue
         way = -dot(tangent_of(q, k), take3(near, k, NORMAL)) / second
-        longest = max(longest, abs(run_by(lying, q, near, k, way)))
+        limit = FARTHEST * min(h[k - 1], h[k])
+        gone = 0.0 if is_any(masses, s[k], 1e-9 * s[last]) else run_by(lying, q, near, k, way)
+        longest = max(longest, abs(gone))
+        if square and near[k, MATE] == 0.0 and abs(way) <= limit:  # what friction holds has it in what it rubs by
+            put3(near, k, TILT, scale(way - gone, apply(get9(near, k, CURVED), tangent_of(q, k))))
     return longest
 
 

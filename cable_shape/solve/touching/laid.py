@@ -562,7 +562,7 @@ class Laid:
         touches = self.on[NOW, :, 0] != BARE
         on[1:][touches[:-1]] = on[:-1][touches[1:]] = BARE
         before = self.s.copy()
-        way = float(run.slide(self.lying, q, near, on, self.points, ROUND / self.length, False))
+        way = float(run.slide(self.lying, q, near, on, self.points, ROUND / self.length, False, False))
         near[self.s != before, SPOT : SPOT + 3] = 0.0  # where they are now is not known
         return way
 

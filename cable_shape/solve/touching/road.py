@@ -28,6 +28,7 @@ from cable_shape.kernels.contact.near import (
     SPOT,
     THIRD_NORMAL,
     THIRD_PRESS,
+    TILT,
 )
 from cable_shape.kernels.network import props, tables
 from cable_shape.kernels.network.motion import N_PROPS
@@ -380,7 +381,7 @@ class Road:
         q, near, on = state.q[NOW], state.near[NOW], state.on[NOW]
         on[:, :2] = on[:, SECOND:] = BARE
         near[:, [PRESS, SECOND_PRESS, THIRD_PRESS]] = 0.0
-        near[:, RUB : RUB + 3] = 0.0
+        near[:, RUB : RUB + 3] = near[:, TILT : TILT + 3] = 0.0
         for row, k in enumerate(self.rows):
             q[k] = now.q[row]
             near[k, SPOT : SPOT + 3] = self.places[row]

@@ -10,6 +10,8 @@ from contact_reference import compared, deepest, finer
 from eyelets import motions
 
 import cable_shape as cs
+from cable_shape.kernels.contact.near import BARE, EXACT, NORMAL, TILT
+from cable_shape.kernels.network.tables import NOW
 from cable_shape.solve.touching.touching import DEEPEST
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
@@ -228,16 +230,12 @@ def test_motions_through_eyelets_are_near_a_finer_mesh_and_the_estimate_says_so(
 
 @pytest.mark.parametrize("name", ["an eyelet and a clip", "over the edge of a box"])
 def test_eyelets_pull_nowhere_along_a_cable_whose_contacts_come_and_go(name):
-    """What eyelets add to the network is laid out anew with every contact; what was there before is none of it.
-
-    The solver's shapes alone, as with a time budget: what goes on from where a motion ended pulls by 4e-3 in one step,
-    where rounding has it so.
-    """
+    """What eyelets add to the network is laid out anew with every contact; what was there before is none of it."""
     cable = cs.Cable(length=1.3, linear_density=0.06, bending_stiffness=0.01, diameter=0.008)
     predictor, pulls = None, []
     for scene, start, end in motions(25, 3)[name]:
         if predictor is None:
-            predictor = cs.Predictor(cable, scene=scene, model="cosserat", points=401, time_budget=60.0)
+            predictor = cs.Predictor(cable, scene=scene, model="cosserat", points=401)
         else:
             predictor.scene = scene
         shape = predictor.predict(start, end)
@@ -247,6 +245,32 @@ def test_eyelets_pull_nowhere_along_a_cable_whose_contacts_come_and_go(name):
             if clip.kind == "slide":
                 pulls.append(abs(load.force @ tangent) / np.linalg.norm(load.force))
     assert max(pulls) < 5e-4  # of the force; 4e-3 and 1.5e-2 with what was left of other networks
+
+
+@pytest.mark.parametrize("beside", [1e-3, 2e-3, -1e-3, -2e-3])
+def test_a_contact_that_has_no_room_to_run_along_the_cable_presses_it_square(beside):
+    """Newton's method took 38 and 45 iterations, and more nodes, where it was pressed along the normal at the node."""
+    cable = cs.Cable(length=1.3, linear_density=0.06, bending_stiffness=0.01, diameter=0.008)
+    (scene, start, end), (_, _, later) = motions(25, 3)["over a bar"][:2]
+    predictor = cs.Predictor(cable, scene=scene, model="cosserat", points=401)
+    at = predictor.predict(start, end).contacts[0].arc_length
+    assert predictor._solver._touch.insert(np.array([at + beside]))
+    shape = predictor.predict(start, cs.Pose(end.position + 0.1 * (later.position - end.position), end.quaternion))
+    assert shape.status is cs.Status.OK
+    assert shape.iterations < 15
+    (eyelet,) = (load for load, held in zip(shape.clips, scene.clips, strict=True) if held.kind == "slide")
+    assert abs(eyelet.force @ tangent_at(shape, eyelet.arc_length)) < 1e-4 * np.linalg.norm(eyelet.force)
+
+
+def test_a_contact_is_told_with_the_whole_force_of_a_push_that_is_turned():
+    _, predictor = lowered("ball")
+    state = predictor._solver._touch
+    k = int(np.flatnonzero(state.on[NOW, :, 0] != BARE)[0])
+    row = state.near[NOW, k]
+    row[TILT : TILT + 3] = (0.03, -0.04, 0.0)  # along the table
+    told = state.touches()[0]
+    assert told[8] * told[5:8] == pytest.approx(row[EXACT] * (row[NORMAL : NORMAL + 3] + row[TILT : TILT + 3]))
+    assert np.linalg.norm(told[5:8]) == pytest.approx(1.0)
 
 
 def test_a_cable_lifted_off_in_an_eyelet_is_that_without_contact():
