@@ -39,6 +39,8 @@ from cable_shape.kernels.rod_algebra import (
 )
 
 TOUCH = 13  # numbers of a contact: arc length, body, point 3, normal 3, force, force along the surface 3, 1: slips
+ASIDE = 0.1  # of the largest push on a node, what others may pull together that is told with it
+SIDES = (0, EXACT, NORMAL), (SECOND, SECOND_EXACT, SECOND_NORMAL), (THIRD, THIRD_EXACT, THIRD_NORMAL)
 
 
 @kernel
@@ -132,34 +134,37 @@ def passes(
 def touches(s: Array, near: Array, on: Array, thick: Array, out: Array) -> int:
     """Fills out (3 N, TOUCH) with the contacts of a solution, see TOUCH; returns how many there are.
 
-    What a node is pulled along by is shared by the bodies that press on it as they push.
+    What a node is pulled along by is shared by the bodies that press on it as they push. One of several that would pull
+    by next to nothing is not told: the push of the one that presses most is turned by it.
     """
     count = 0
     for k in range(s.shape[0]):
-        if on[k, 0] == BARE or not near[k, EXACT] > 0.0:
+        if on[k, 0] == BARE:
             continue
-        whole = near[k, EXACT]
-        for column, exact in ((SECOND, SECOND_EXACT), (THIRD, THIRD_EXACT)):
-            whole += max(near[k, exact], 0.0) if on[k, column] != BARE else 0.0
-        for column, exact, normal in (
-            (0, EXACT, NORMAL),
-            (SECOND, SECOND_EXACT, SECOND_NORMAL),
-            (THIRD, THIRD_EXACT, THIRD_NORMAL),
-        ):
+        whole, most, rest = 0.0, 0.0, NONE
+        for column, exact, normal in SIDES:
+            push = near[k, exact] if on[k, column] != BARE else 0.0
+            whole, most = whole + max(push, 0.0), max(most, push)
+            rest = add(rest, scale(min(push, 0.0), take3(near, k, normal)))
+        if dot(rest, rest) > ASIDE * ASIDE * most * most:
+            rest = NONE
+        for column, exact, normal in SIDES:
             if on[k, column] == BARE or not near[k, exact] > 0.0:
                 continue
             n, force = take3(near, k, normal), near[k, exact]
             if on[k, SECOND] == BARE:
                 n = add(n, take3(near, k, TILT))
-                size = math.sqrt(dot(n, n))
-                n, force = scale(1.0 / size, n), size * force
+            elif force == most:
+                n = add(n, scale(1.0 / force, rest))
+            size = math.sqrt(dot(n, n))
+            n, force = scale(1.0 / size, n), size * force
             out[count, 0], out[count, 1], out[count, 8] = s[k], on[k, column], force
             put3(out, count, 2, subtract(take3(near, k, SPOT), scale(thick[k], n)))
             put3(out, count, 5, n)
             rub = take3(near, k, RUB)
             if on[k, SECOND] == BARE:  # the surface may have turned a little with the last step
                 rub = subtract(rub, scale(dot(rub, n), n))
-            put3(out, count, 9, scale(force / whole, rub))
+            put3(out, count, 9, scale(near[k, exact] / whole, rub))
             out[count, 12] = near[k, SLIPS] if near[k, MATE] != 0.0 else 0.0
             count += 1
     return count

@@ -10,7 +10,8 @@ from contact_reference import compared, deepest, finer
 from eyelets import motions
 
 import cable_shape as cs
-from cable_shape.kernels.contact.near import BARE, EXACT, NORMAL, TILT
+from cable_shape.kernels.contact.check import SIDES
+from cable_shape.kernels.contact.near import BARE, EXACT, NORMAL, SECOND, THIRD, TILT
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.solve.touching.touching import DEEPEST
 
@@ -271,6 +272,25 @@ def test_a_contact_is_told_with_the_whole_force_of_a_push_that_is_turned():
     told = state.touches()[0]
     assert told[8] * told[5:8] == pytest.approx(row[EXACT] * (row[NORMAL : NORMAL + 3] + row[TILT : TILT + 3]))
     assert np.linalg.norm(told[5:8]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("pushes", [(1.0, -1e-3), (-1e-3, 1.0), (-1e-3, 0.5, 1.0), (1.0, -1e-3, -2e-3), (1.0, 0.5)])
+def test_what_is_told_of_a_corner_is_all_that_its_bodies_push(pushes):
+    """One may pull by what a contact is dropped for, and was not told then; nor were others, if it was the first."""
+    _, predictor = lowered("ball")
+    state = predictor._solver._touch
+    k = int(np.flatnonzero(state.on[NOW, :, 0] != BARE)[0])
+    row = state.near[NOW, k]
+    state.on[NOW, k, [0, SECOND, THIRD][: len(pushes)]] = 0
+    for push, (_, exact, normal), n in zip(pushes, SIDES, np.eye(3), strict=False):
+        row[exact], row[normal : normal + 3] = push, n
+    told = [touch for touch in state.touches() if touch[0] == state.nodes[k]]
+    assert len(told) == np.sum(np.array(pushes) > 0.0)
+    assert sum(touch[8] * touch[5:8] for touch in told) == pytest.approx([*pushes, 0.0][:3])
+    for touch in told:
+        assert touch[8] > 0.0
+        assert np.linalg.norm(touch[5:8]) == pytest.approx(1.0)
+        assert touch[5:8].max() > 0.999  # along the normal of its body
 
 
 def test_a_cable_lifted_off_in_an_eyelet_is_that_without_contact():
