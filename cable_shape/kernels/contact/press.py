@@ -61,7 +61,7 @@ from cable_shape.kernels.contact.near import (
 )
 from cable_shape.kernels.contact.pair_friction import NEXT, PULLED, any_rub, forget_pulls, pulled
 from cable_shape.kernels.contact.pair_system import COUPLED, hold_pairs, lead_pairs, pull_on, solve_coupled
-from cable_shape.kernels.contact.run import slide
+from cable_shape.kernels.contact.run import slide, unturned
 from cable_shape.kernels.contact.sets import drop, grow, meet, misplaced, spare_clips
 from cable_shape.kernels.contact.tables import Bodies, Lying, Net
 from cable_shape.kernels.network.compiled import inline, viewing
@@ -328,6 +328,8 @@ def press(
                 firm = min(max(FIRMER * firm, FIRST[1]), 1.0)
                 changed = 1
             done = small and changed == 0 and off_law < RUBBED and not pulls(net, lying, near, on, least)
+            if done and not (square or rough):
+                done = unturned(lying, q, near, on, runs) < least
         forces_on(net, lying, near, on, lying.ends[TRIAL], fraction)
         for k in range(near.shape[0]):
             if lies(on, k):

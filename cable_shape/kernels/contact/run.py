@@ -83,6 +83,24 @@ def slide(
 
 
 @kernel
+def unturned(lying: Lying, q: Array, near: Array, on: Array, least: float) -> float:
+    """Largest force along the cable [N] by which a contact that runs would press it once its push has turned.
+
+    The steps of forces have it in them, whether `near.TILT` does or not. least: as for `slide`.
+    """
+    largest = 0.0
+    for k in range(1, lying.h.shape[0]):
+        if on[k, 0] != BARE and near[k, MATE] == 0.0:
+            second = along_cable(q, lying.h, near, on, k, least, lying.flex)
+            if second > 0.0:
+                t = tangent_of(q, k)
+                turned = apply(get9(near, k, CURVED), t)
+                size = math.sqrt(dot(turned, turned)) / second
+                largest = max(largest, near[k, PRESS] * abs(dot(t, take3(near, k, NORMAL))) * size)
+    return largest
+
+
+@kernel
 def run_by(lying: Lying, q: Array, near: Array, k: int, way: float) -> float:
     """Moves node k along its cable by a way [m], or as much of it as there is room for; returns how far."""
     s, h, start = lying.s, lying.h, lying.start

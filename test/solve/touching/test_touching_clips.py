@@ -13,6 +13,7 @@ import cable_shape as cs
 from cable_shape.kernels.contact.check import SIDES
 from cable_shape.kernels.contact.near import BARE, EXACT, NORMAL, SECOND, THIRD, TILT
 from cable_shape.kernels.network.tables import NOW
+from cable_shape.solve.touching.state import TouchState
 from cable_shape.solve.touching.touching import DEEPEST
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
@@ -291,6 +292,23 @@ def test_what_is_told_of_a_corner_is_all_that_its_bodies_push(pushes):
         assert touch[8] > 0.0
         assert np.linalg.norm(touch[5:8]) == pytest.approx(1.0)
         assert touch[5:8].max() > 0.999  # along the normal of its body
+
+
+@pytest.mark.parametrize("stiffness", [0.1, 1.0])
+def test_a_push_stays_turned_where_the_next_solution_is_next_to_the_last_one(stiffness, monkeypatch):
+    """Along the cable it pressed a taut one by 4e-3 of itself, every time but the first."""
+    monkeypatch.setattr(TouchState, "tidy", lambda self: False)  # the contact keeps the node that leaves it no room
+    cable = cs.Cable(length=1.001, linear_density=0.1, bending_stiffness=stiffness, diameter=0.008)
+    bar = cs.Obstacle("bar", cs.Cylinder(0.02, 0.4), cs.Pose((0.4, 0, -0.014), (np.sqrt(0.5), 0, 0, np.sqrt(0.5))))
+    predictor = cs.Predictor(cable, scene=cs.Scene(obstacles=[bar], contact="solve"), model="cosserat", points=401)
+    at = predictor.predict(cs.Pose((0, 0, 0), ALONG_X), cs.Pose((1, 0, 0), ALONG_X)).contacts[0].arc_length
+    state = predictor._solver._touch
+    state.lay_out(np.sort(np.append(state.nodes, at - 5e-4)))
+    for x in (1e-4, 1e-4 + 1e-10, 1e-4 + 2e-10):
+        shape = predictor.predict(cs.Pose((x, 0, 0), ALONG_X), cs.Pose((1 + x, 0, 0), ALONG_X))
+        assert shape.status is cs.Status.OK
+        (contact,) = shape.contacts
+        assert abs(contact.normal @ tangent_at(shape, contact.arc_length)) < 1e-4
 
 
 def test_a_cable_lifted_off_in_an_eyelet_is_that_without_contact():
