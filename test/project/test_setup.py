@@ -7,8 +7,10 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -76,6 +78,24 @@ def test_no_suitable_python_is_named_with_a_remedy(checkout: Path, tmp_path: Pat
     assert result.returncode == 1
     assert "no Python 3.11, 3.12 or 3.13 found" in result.stderr
     assert "PYTHON=/path/to/python3.12" in result.stderr
+
+
+@pytest.mark.parametrize("built", ["/opt/python/cp312-cp312", "/home/me/a checkout since deleted/.venv"])
+def test_include_folders_in_wheels_become_those_here_and_no_file_of_the_cache_changes(built: str, tmp_path: Path):
+    """Files were written to that all checkouts share by links: once the first was deleted, no other could be set up."""
+    theirs = f"{built}/include/python3.12;{built}/lib/python3.12/site-packages/numpy/_core/include"
+    line = f'INTERFACE_INCLUDE_DIRECTORIES "{theirs}"\n'
+    cached, file = tmp_path / "cached.cmake", tmp_path / "venv" / "share" / "messages" / "messages.cmake"
+    cached.write_text(line)
+    file.parent.mkdir(parents=True)
+    file.hardlink_to(cached)
+    repair = 'eval "$(sed -n "/^repair_cmake_paths/,/^}/p" scripts/_setup)"; repair_cmake_paths'
+    environment = {**os.environ, "python": sys.executable, "venv": str(tmp_path / "venv")}
+    subprocess.run(["bash", "-c", repair], cwd=ROOT, env=environment, check=True, timeout=60)
+    include, arrays = sysconfig.get_path("include"), np.get_include()
+    assert file.read_text() == f'INTERFACE_INCLUDE_DIRECTORIES "{include};{arrays}"\n'
+    assert cached.read_text() == line
+    assert [other.name for other in file.parent.iterdir()] == [file.name]
 
 
 def test_it_runs_again_in_seconds_and_drops_a_sourced_ros() -> None:
