@@ -1,4 +1,4 @@
-"""How a process of rclpy ends: :class:`Interrupts`, :func:`ends_when_told`, :func:`shut_down`."""
+"""How a process of rclpy ends: :class:`Interrupts`, :func:`ends_when_told`, :func:`told_to_end`, :func:`shut_down`."""
 
 from __future__ import annotations
 
@@ -28,8 +28,12 @@ class Interrupts:
     process. And once `ending` is set it is not raised any more: rclpy, too, hears of the signal, and what it raises
     then may be there first. Python looks for signals as functions begin, so set it, before anything is called, where
     the end begins.
+
+    Raised while C++ makes Python's objects, of a message that is taken, it comes out as a RuntimeError of another
+    meaning: ask :func:`told_to_end`.
     """
 
+    came: ClassVar[bool] = False  # any signal, so far
     ending: ClassVar[bool] = False
     compiling: ClassVar[bool] = False
     told: ClassVar[bool] = False  # while it compiled
@@ -42,6 +46,7 @@ class Interrupts:
 
     @classmethod
     def _take(cls, number: int, frame: FrameType | None) -> None:
+        cls.came = True
         if cls.compiling:
             cls.told = True
         elif not cls.ending:
@@ -84,6 +89,14 @@ def ends_when_told() -> Iterator[None]:
         told, Interrupts.compiling, Interrupts.told = Interrupts.told, False, False
         if told:
             raise KeyboardInterrupt from None
+
+
+def told_to_end() -> bool:
+    """Whether this process was told to end, so that an error may be no defect.
+
+    A signal is heard twice, here and by rclpy, which shuts itself down in a thread of its own, before or after.
+    """
+    return Interrupts.came or not ok()
 
 
 def shut_down() -> None:

@@ -34,7 +34,7 @@ from cable_shape.ros.complaint_log import ComplaintLog
 from cable_shape.ros.diagnostics import Health
 from cable_shape.ros.edits import Edits
 from cable_shape.ros.executor import InputFirstExecutor
-from cable_shape.ros.interrupt import Interrupts, shut_down
+from cable_shape.ros.interrupt import Interrupts, shut_down, told_to_end
 from cable_shape.ros.log_folder import find_log_folder
 from cable_shape.ros.outputs import Outputs
 from cable_shape.ros.parameters import BY_NAME, SPECS, Settings, unknown_overrides, widened
@@ -338,7 +338,7 @@ class CableShapeNode(LifecycleNode):
             self._health.refuse("cycle", str(error), self._now())
             return
         except Exception as error:
-            if not ok():  # a signal, while shapes were sent
+            if told_to_end():  # a signal, while shapes were sent
                 raise
             self.get_logger().error(
                 f"a cycle failed unexpectedly:\n{traceback.format_exc()}", throttle_duration_sec=10.0
@@ -414,7 +414,7 @@ def main(args: list[str] | None = None) -> int:
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException, NotInitializedException, RuntimeError) as error:
         Interrupts.ending = True
-        if not isinstance(error, KeyboardInterrupt) and ok():  # else it is rclpy's own, which a signal has shut down
+        if not isinstance(error, KeyboardInterrupt) and not told_to_end():  # else it is rclpy's own
             raise
     finally:
         Interrupts.ending = True

@@ -47,11 +47,18 @@ class NodeProcess:
     """cable_shape_node in its own process and namespace.
 
     fresh: started as by a user, from nothing; else forked from one that has loaded what nodes need, which takes a tenth
-    of the time.
+    of the time. code: Python's, run in place of the node's module, from nothing.
     """
 
     def __init__(
-        self, namespace: str, folder: Path, arguments: Sequence[str], *, fresh: bool = False, **environment: str
+        self,
+        namespace: str,
+        folder: Path,
+        arguments: Sequence[str],
+        *,
+        fresh: bool = False,
+        code: str = "",
+        **environment: str,
     ) -> None:
         self.namespace = namespace
         self.log = folder / f"{namespace}.log"
@@ -59,8 +66,9 @@ class NodeProcess:
         env = {**os.environ, **environment}
         self.process: subprocess.Popen[bytes] | Forked
         with self.log.open("w") as log:
-            if fresh:
-                command = [sys.executable, "-m", "cable_shape.ros.node", *given]
+            if fresh or code:
+                program = ("-c", code) if code else ("-m", "cable_shape.ros.node")
+                command = [sys.executable, *program, *given]
                 self.process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, cwd=folder, env=env)
             else:
                 self.process = nursery(NODES).start(given, self.log, self.log, folder, env)

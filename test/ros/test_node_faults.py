@@ -185,6 +185,38 @@ def test_a_signal_leaves_a_recording_that_can_be_read(start, tmp_path, number):
     assert sum(chunk.to_record_batch().num_rows for chunk in shown) > 0
 
 
+TOLD_TO_END = """
+import signal
+from geometry_msgs.msg import PoseStamped
+from cable_shape.ros import interrupt, node
+
+def told(self, **_):  # before rclpy, which hears of the signal, too
+    interrupt.Interrupts._take(signal.SIGINT, None)
+
+PoseStamped.__init__ = told
+node.run()
+"""
+
+
+def test_a_signal_while_a_message_is_taken_ends_it(tmp_path, cable_file):
+    process = NodeProcess("taken", tmp_path, ["-p", f"cable_file:={cable_file}"], code=TOLD_TO_END)
+    node = Cell(process)
+    try:
+        node.active()
+
+        def ended():
+            node.pair()
+            node.spin(0.02)
+            return not process.alive
+
+        node.until(ended, "end of the node")
+        assert process.stop() == 0, process.text()
+        assert "Traceback" not in process.text()
+    finally:
+        process.stop()
+        node.close()
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_during_configure_ends_it(start, number, tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cold"))  # configure compiles for minutes
