@@ -145,7 +145,7 @@ def test_a_hairpin_that_is_drawn_against_a_rough_post_is_held_in_front_of_it(sti
         rubs += not shape.frictionless
         wrong = [text for text in judged(cable, scene, shape, shape.supports) if not text.startswith("moment")]
         assert not wrong, at
-    assert len(shape.contacts) > 3
+    assert len(shape.contacts) > 1
     assert rubs > 60
 
 
