@@ -178,7 +178,7 @@ def solve(
         return BROKEN
     if drag == 0.0:
         info[AGE] = 0.0 if info[I_ASSEMBLIES] > 0.0 else (age if info[I_ITERATIONS] <= QUICK else math.inf)
-    if look_over(lying, bodies, cables, out, points, info, sunk, before, horizon, deepest, fine):
+    if look_over(lying, bodies, cables, out, points, info, sunk, before, running, horizon, deepest, fine):
         return UNSETTLED
     accept(lying, False)
     return CONVERGED
@@ -210,15 +210,15 @@ def uncorrected(lying: Lying, net: Net) -> None:
 @kernel
 def look_over(
     lying: Lying, bodies: Bodies, cables: int, out: Array, points: int, info: Array, sunk: float, before: Array,
-    horizon: float, deepest: float, fine: float,
+    running: int, horizon: float, deepest: float, fine: float,
 ) -> bool:  # fmt: skip
     """Whether anything is left to be done about the trial, whose shape is `out`.
 
     That is a cable deeper in a body than `deepest` [m], but for `sagitta`, see `closest_points` for horizon; a body
     that it may have passed since it was at `before` (cables n, 3; n = 0: anywhere) and the bodies in `Bodies.then`;
     contacts whose part of the error [m] is above `fine` (infinite: may be), or AMISS times that in all; contacts that
-    were stopped while
-    they ran, or that have come up to a node. A negative `deepest`: who calls will see.
+    were stopped while they ran, or that have come up to a node, unless `running` says that none runs. A negative
+    `deepest`: who calls will see.
     """
     if deepest < 0.0:
         return True
@@ -245,7 +245,7 @@ def look_over(
         node += 1
         while node < lying.h.shape[0] and lying.h[node - 1] != 0.0:
             node += 1
-    return bool(any_crowded(lying.near[TRIAL], lying.on[TRIAL], lying.q[TRIAL], lying.h, lying.flex))
+    return bool(running > 0 and any_crowded(lying.near[TRIAL], lying.on[TRIAL], lying.q[TRIAL], lying.h, lying.flex))
 
 
 @kernel

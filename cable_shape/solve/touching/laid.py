@@ -138,6 +138,7 @@ class Laid:
         #: While tension is high, the last solution before, as `put_aside` has it: from what is drawn beyond its length
         #: hardly a step leads back.
         self.untidy = False  # whether contacts may have run up to nodes in it
+        self.stood = False  # whether its contacts stand at their nodes, since no way led to it with contacts that run
         self.factored = (
             False  # whether `refresh` has factored the matrix of the last solution, and nothing was done since
         )

@@ -64,7 +64,7 @@ class TouchState(Laid):
 
         finer: of so many times as many elements as usual.
         """
-        self.elements = 0
+        self.elements, self.stood = 0, False
         self.reach = np.array([pair.reach for pair in self.links])
         self._arcs[self.rings] = shape.supports[self.rings - 1, 0]
         self.slid[:, : self._arcs.size] = self._arcs - self._gap_of_supports
@@ -272,7 +272,7 @@ class TouchState(Laid):
 
     def rest(self, shape: CableShape, frames: Array) -> None:
         """Makes a shape without contacts the last one; `frames` are those of its supports."""
-        self.touching = False
+        self.touching = self.stood = False
         self.patience.succeed()
         self.free, self.free_frames = shape, frames
         self.remember(self.seen(shape))

@@ -281,6 +281,20 @@ class Steps:
             self.take_back(kept)
         return kept is not None
 
+    def stand_on(self, frames: Array) -> bool:
+        """From the last solution to `frames` with contacts that stand, where they do; else that is as it was."""
+        state = self.state
+        if not state.stood:
+            return False
+        aside, self.still = state.put_aside(), True
+        went = self.go(frames, state.history, STEP_ITERATIONS, FAR)
+        state.stood = went and self._square and self._exact()
+        self.still = False
+        if went and not state.stood:
+            state.put_back(aside)
+            state.move_bodies(self.links)
+        return state.stood
+
     def kept(self) -> tuple[Kept, Array, Array, Array]:
         """The last solution, its shape, what is told of it, and the positions from which the cable moves on."""
         return self.state.copy(), self.buffer.copy(), self.state.info.copy(), self.state.positions

@@ -189,7 +189,7 @@ class Solve:
     def _onward(self, frames: Array) -> tuple[CableShape | None, tuple[Any, ...]]:
         """By Newton's method, or by the road; None if neither leads there. And how far that came, or nothing."""
         state, steps = self.state, self.steps
-        if steps.go(frames, state.history, WARM_ITERATIONS, FAR):
+        if steps.stand_on(frames) or steps.go(frames, state.history, WARM_ITERATIONS, FAR):
             return self._found(frames), ()
         origin = state.put_aside()
         if follow(steps, frames):
@@ -259,7 +259,9 @@ class Solve:
         found = steps.stand(frames) and (steps.settle(frames) or road.taut)
         steps.still = False
         if found:
-            return self._arrived(before, then, led)
+            shape = self._arrived(before, then, led)
+            state.stood = shape is not None
+            return shape
         if not road.taut or (state.rubs and state.has_friction):  # without what sticks it may find its length
             return None
         state.put_back(at_rest)  # contacts that stand may have led past a body
