@@ -260,7 +260,7 @@ class Solve:
         steps.still = False
         if found:
             shape = self._arrived(before, then, led)
-            state.stood = shape is not None
+            state.stood = shape is not None and state.touching
             return shape
         if not road.taut or (state.rubs and state.has_friction):  # without what sticks it may find its length
             return None
