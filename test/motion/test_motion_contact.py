@@ -108,7 +108,10 @@ def test_what_arrives_does_not_bounce():
 @pytest.mark.parametrize("stiffness", [1e-3, 1e-4])
 @pytest.mark.parametrize("free", [False, True])
 def test_limp_and_undamped_it_is_thrown_on_a_table(stiffness: float, free: bool):
-    """Shaken and let down in 0.4 s: elements buckle, steps go in short parts and long ones, and none is lost."""
+    """Shaken and let down in 0.4 s: elements buckle, steps go in short parts and long ones, and none is lost.
+
+    After short parts it may be deep in the table between nodes: its error says how deep.
+    """
     cable = cs.Cable(length=1.0, linear_density=0.1, bending_stiffness=stiffness, twisting_stiffness=stiffness / 1.3)
     motion = cs.Motion(cable.replace(diameter=0.01), TABLE, points=41)
     rng = np.random.default_rng(3)
@@ -122,7 +125,8 @@ def test_limp_and_undamped_it_is_thrown_on_a_table(stiffness: float, free: bool)
         a, b = 0.06 * smooth(y) * np.sin(0.01 * k * rates + phases) * (1.0, 1.0, 0.3)
         shape = motion.step(at(a[0], a[1], z + a[2]), None if free else at(0.7 + b[0], b[1], z + b[2]), 0.01)
         assert shape.usable, (k, shape.detail)
-        assert shape.positions[:, 2].min() > 0.005 - 4e-4
+        deep = 0.005 - shape.positions[:, 2].min()
+        assert deep < min(shape.error_estimate, 2.5e-3)
         given += shape.work
         assert energy_of(shape) < given + 1e-6
         touched += len(shape.contacts)

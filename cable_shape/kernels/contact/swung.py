@@ -66,9 +66,9 @@ from cable_shape.kernels.rod_algebra import get3, put3, scale
 SHORTEST, TRIES = 1.0 / 256.0, 4
 #: Parts that are no shorter than this are tried from the first of them alone: half the part is the better try.
 SHORT = 0.3
-#: Where halves of halves lead nowhere the step is tried once more, with a first part of this fraction: where many ways
-#: to fold are near each other what leads on in other parts is no better, nor worse.
-UNEVEN = 0.37
+#: Where halves of halves lead nowhere the step is tried once more with these fractions of it as the first part, one
+#: after the other: where many ways to fold are near each other what leads on in other parts is no better, nor worse.
+UNEVEN = (0.37, 0.61, 0.23)
 #: There is room for so many rows in `Skin.log`; in place of the start there.
 LOG, BRACED = 1024, -1.0
 #: Column of the first one: whether cables have pressed on each other in the step.
@@ -107,7 +107,7 @@ def step(
     skin.log[0, 0] = skin.log[0, MET] = 0.0
     rows = np.empty((PAIRS, PROP))
     done, part, sums, braced, minds = 0.0, 1.0, np.empty(info.shape[0]), False, True
-    even = True
+    again = 0
     while done < 1.0:
         part = min(part, 1.0 - done) if part < 0.75 * (1.0 - done) else 1.0 - done
         seconds = part * dt
@@ -174,12 +174,13 @@ def step(
         if last and minds and skin.touching.shape[0] > 0:
             minds = False  # cables may overlap after so short a part, but not go through each other
             continue
-        if last and even:
+        if last and again < len(UNEVEN):
             copy_back(kept, sols, remembered, moving)
             take_back(info, np.zeros(info.shape[0]))
             skin.log[0, 0] = skin.log[0, MET] = 0.0
             place_bodies(bodies.table, skin.links_then, then)
-            done, part, braced, minds, even = 0.0, UNEVEN, False, True, False
+            done, part, braced, minds = 0.0, UNEVEN[again], False, True
+            again += 1
             continue
         if last:
             skin.log[0, 0] = 0.0

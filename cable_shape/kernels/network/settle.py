@@ -88,6 +88,9 @@ MOST_ITERATIONS = 30
 #: Iterations among bodies, of which none is half the shortest one before, and the last one still longer than that
 #: [rad]: no more lead anywhere.
 PATIENT, ASTRAY = 30, 0.1
+#: So many of them, and in time the next go half their way until one is that short: bodies that push in one and not in
+#: the next lead to and fro for ever.
+TO_AND_FRO = 6
 STICKY = 10  # iterations, after which planes that push a node at its seat go on to
 #: What `step` tells in `info`: iterations, largest turn of a frame [rad], largest force of drag at a node [N], largest
 #: internal force [N], negative eigenvalues beyond three a force, energy [J] after the step, last iteration [rad];
@@ -277,6 +280,7 @@ def newton(
         fraction = min(1.0, LARGEST_STEP / largest) if largest > 0.0 else 1.0
         if not free and model.par[SWINGS] != 0.0:
             fraction = min(fraction, loaded(plan, model, motion))
+            fraction *= 0.5 if i - better > TO_AND_FRO else 1.0
         advance(ints, sols, space, fraction)
         for e in range(motion.lam.shape[0]):
             for c in range(3):
