@@ -49,10 +49,15 @@ def test_no_part_of_a_cable_in_a_clip_is_shorter_than_it_is_long():
     assert usable >= 50
 
 
-def test_a_rough_cable_drawn_round_three_posts_lacks_what_a_band_does_that_friction_holds():
-    """It sticks to two of them on a way longer than it is, though the shortest is not, and is hardly lost else."""
+@pytest.mark.parametrize("longer", [0.0, 1e-10, -1e-10])
+def test_a_rough_cable_drawn_round_three_posts_lacks_what_a_band_does_that_friction_holds(longer: float):
+    """It sticks to two of them on a way longer than it is, though the shortest is not, and is hardly lost else.
+
+    While it lacks more and more it slips by some of it, how much is up to rounding; when less, not at all.
+    """
     routed = contact_routing.motion("posts", 11)
     ((name, cable),) = routed.cables.items()
+    cable = cable.replace(length=cable.length * (1.0 + longer))
     predictor = cs.Predictor(cable, scene=routed.scene, model="cosserat")
     lost = 0
     lacking = []
@@ -68,7 +73,11 @@ def test_a_rough_cable_drawn_round_three_posts_lacks_what_a_band_does_that_frict
             lost += 1
     assert len(lacking) > 5
     found, band = np.transpose(lacking)
-    assert_allclose(found, band, rtol=0.1, atol=1e-4 * cable.length)
+    most, near = int(np.argmax(found)), 1e-4 * cable.length
+    assert 0 < most < len(found) - 3
+    assert found[most] > 0.5 * band[most]
+    assert np.all(found < 1.1 * band + near)
+    assert_allclose(band[most:] - found[most:], band[most] - found[most], rtol=0.0, atol=near)
     assert lost <= 2
 
 
