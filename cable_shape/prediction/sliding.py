@@ -92,7 +92,8 @@ class Sliding:
         self, last: tuple[CableShape, Where] | None, where: Where, problem: Problem, *, leaps: bool
     ) -> CableShape | None:
         """Where the cable comes to rest, from nothing let down; None if that is not known. leaps: the solver has come
-        elsewhere."""
+        elsewhere. What sticks creeps as it moves: of friction the shape tells no past.
+        """
         from cable_shape.motion.rest import led_to_rest, let_down  # when first needed: it takes a while to load
 
         solver, coarser = self._solver, None
@@ -105,6 +106,7 @@ class Sliding:
             solver.begin(problem, rest, near=True)
             found = solver.solve(problem)
             if found.usable and _apart(found, rest) < _BESIDE * rest.length:
+                found.frictionless = found.frictionless or solver.rough
                 return found
             solver.put_back(aside)
             if not still:
@@ -114,6 +116,7 @@ class Sliding:
                 if rest.error_estimate <= max(problem.tolerance, ACCURACY * rest.length):
                     self._aside = aside
                     solver.begin(problem, rest, near=True)
+                    rest.frictionless = rest.frictionless or solver.rough
                     return rest
             coarser = rest
         return None

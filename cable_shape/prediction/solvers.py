@@ -119,6 +119,11 @@ class Rod:
         return self._touch is not None and self._touch.touching
 
     @property
+    def rough(self) -> bool:
+        """Whether the last shape is in contact, and surfaces or cable have friction."""
+        return self._touch is not None and self._touch.touching and self._touch.has_friction
+
+    @property
     def stuck(self) -> bool:
         """Whether bodies left no way to the last shape, which is none."""
         return self._touch is not None and self._touch.stuck

@@ -90,6 +90,27 @@ def test_what_is_in_a_channel_at_first_is_let_down_into_it(pressed):
     assert shape.positions[:, 2].min() < floor + 1e-3
 
 
+def test_what_is_let_down_among_rough_walls_says_that_friction_tells_no_past(pressed):
+    assert pressed[0].scene.obstacles[0].friction > 0.0
+    assert first(*pressed).frictionless
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_what_slides_on_what_is_rough_says_that_friction_tells_no_past(friction, monkeypatch):
+    """What sticks creeps as it moves: round a post it came out beyond the band that friction holds."""
+    cable = cs.Cable(1.0, 0.1, 0.02, 0.015, diameter=0.008)
+    table = cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, -0.1)), friction=friction)
+    predictor = cs.Predictor(cable, scene=cs.Scene(obstacles=[table], contact="solve"))
+    start, chords = cs.Pose((0, 0, 0), AHEAD), (0.72, 0.719, 0.718)
+    for chord in chords[:2]:
+        shape = predictor.predict(start, cs.Pose((chord, 0, 0), AHEAD))
+    assert not shape.frictionless
+    monkeypatch.setattr(Rod, "stuck", property(lambda self: True))
+    shape = predictor.predict(start, cs.Pose((chords[2], 0, 0), AHEAD))
+    assert shape.status is cs.Status.OK
+    assert shape.frictionless == (friction > 0.0)
+
+
 def test_it_would_not_be_found_without(pressed, monkeypatch):
     given, grips = pressed
     monkeypatch.setattr(rest, "let_down", lambda *_: iter(()))
