@@ -6,7 +6,7 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact.near import ACTIVE, BARE, LINK, LINKED, PRESS, PUSH, TOWARD, let_go
+from cable_shape.kernels.contact.near import ACTIVE, BARE, LINK, LINKED, MATE, PRESS, PUSH, RUB, TOWARD, let_go
 from cable_shape.kernels.contact.tables import Lying, Net
 from cable_shape.kernels.network.tables import BEFORE, LENGTH, NOW, TRIAL, copy, model_of, plan_of
 from cable_shape.kernels.rod_algebra import (
@@ -24,6 +24,8 @@ from cable_shape.kernels.rod_algebra import (
     take3,
 )
 from cable_shape.kernels.rod_guess import angle_axis, tangent
+
+STEADY = 0.1  # of the largest force that rubs a contact: if one has changed by less, all go on as before
 
 
 @kernel
@@ -58,10 +60,29 @@ def same_around(on: Array, k: int) -> bool:
 
 
 @kernel
+def rubbed_before(near: Array, k: int) -> bool:
+    """Whether node k has been rubbed by the same body in the last two solutions."""
+    return bool(near[NOW, k, MATE] != 0.0 and near[NOW, k, MATE] == near[BEFORE, k, MATE])
+
+
+@kernel
+def rubs_on(near: Array) -> bool:
+    """Whether what rubs contacts has changed by a small part of the largest in the last step: so it goes on."""
+    change = largest = 0.0
+    for k in range(near.shape[1]):
+        if rubbed_before(near, k):
+            now = take3(near[NOW], k, RUB)
+            off = subtract(now, take3(near[BEFORE], k, RUB))
+            change, largest = max(change, dot(off, off)), max(largest, dot(now, now))
+    return bool(0.0 < change < STEADY * STEADY * largest)
+
+
+@kernel
 def predict(lying: Lying, net: Net, history: int) -> float:
     """Fills the trial from the solution now, extrapolated if there is one before; quaternions' signs by continuity.
 
-    A contact whose force has run out by then, and between the same neighbours, is left out. Returns `pace`.
+    So are what presses and rubs contacts between the same neighbours; one whose force has run out by then is left out.
+    Returns `pace`.
     """
     q, near, on, ends, grips, turns = lying.q, lying.near, lying.on, lying.ends, lying.grips, lying.turns
     plan, length = plan_of(net.bare), model_of(net.bare, net.made).par[LENGTH]
@@ -82,6 +103,7 @@ def predict(lying: Lying, net: Net, history: int) -> float:
             turns[TRIAL, c] += 1.0 if (new[2] > 0.0) == (old[3] >= 0.0) else -1.0
     a = pace(grips, net.moves, length) if history > 1 else 0.0
     f = 1.0 + a
+    rubs = a > 0.0 and rubs_on(near)
     for j in range(grips.shape[1]):
         if net.moves[j] == 0:
             continue
@@ -109,6 +131,9 @@ def predict(lying: Lying, net: Net, history: int) -> float:
                 near[TRIAL, k, PRESS] = 0.0
                 on[TRIAL, k, 0] = BARE
                 let_go(near[TRIAL], k)
+            elif rubs and rubbed_before(near, k):
+                for i in range(RUB, RUB + 3):
+                    near[TRIAL, k, i] = f * near[NOW, k, i] - a * near[BEFORE, k, i]
         if on[NOW, k, LINKED] == ACTIVE and on[BEFORE, k, LINK] == on[NOW, k, LINK]:
             push_on(near, on, k, a if on[BEFORE, k, LINKED] == ACTIVE else 0.0)
     for i in range(lying.rubs.shape[1]):

@@ -140,6 +140,7 @@ CHORD_TOLERANCE, SURE = 2e-6, 0.05  # rad, of a step with old factors that is so
 FIRST, FIRMER = (1.0, 1e-2, 0.0), 5.0
 TIGHTENED = 1e-3  # rad: a step below which such a solution counts as found
 RUBBED = 1e-5  # of the largest limit: by how much a force along a surface may miss the law of friction
+SHRINKING = 0.2  # of what it missed by before the last step: what is no more will shrink as much again in the next
 LIMP = 2e-3  # EI / (w L^3): in softer cables errors of rotation carry nodes of steep legs far off their places
 CALM = 0.1  # rad: contacts are dropped after steps below this only
 SQUARE = 1e-3  # rad: pushes turn from the first step below this on, see `run.slide`; with friction they do not
@@ -179,7 +180,7 @@ def press(
     gone = 0.0 if reuse else math.inf  # rad, since the matrix was assembled
     rough, faint = any_rough(lying, bodies), FAINT * (weight + softest)
     unchanged = True
-    flips, off_law, part, firm = 0, 0.0, 1.0, FIRST[gentle] if rough else 1.0
+    flips, off_law, off_before, part, firm = 0, 0.0, 0.0, 1.0, FIRST[gentle] if rough else 1.0
     forget_limits(near)
     if not rough:
         for k in range(near.shape[0]):
@@ -246,6 +247,7 @@ def press(
         info[I_GAP] = press_on(net, q, h, near, on, runs, flex, drag, reuse)
         info[I_GAP] = max(info[I_GAP], tie_pairs(net, lying, q, near, on, reuse))
         if rough:
+            off_before = off_law
             flips, off_law, part = pull_along(net, lying, bodies, q, near, on, firm, faint, length, part, reuse)
         if rubs:
             turned, off, of_pairs = hold_pairs(
@@ -327,7 +329,9 @@ def press(
             if firm < 1.0 and largest < TIGHTENED:
                 firm = min(max(FIRMER * firm, FIRST[1]), 1.0)
                 changed = 1
-            done = small and changed == 0 and off_law < RUBBED and not pulls(net, lying, near, on, least)
+            shrinks = iterations > 1 and flips == 0 and off_law < SHRINKING * off_before
+            law = off_law * off_law / off_before if shrinks else off_law
+            done = small and changed == 0 and law < RUBBED and not pulls(net, lying, near, on, least)
             if done and not (square or rough):
                 done = unturned(lying, q, near, on, runs) < least
         forces_on(net, lying, near, on, lying.ends[TRIAL], fraction)

@@ -1,9 +1,11 @@
-"""Contacts that stand at their nodes stand on in the next step."""
+"""Steps from the last shape that take little: contacts that stand stand on, what friction carries goes on."""
 
 import math
 from unittest.mock import patch
 
+import numpy as np
 import pytest
+from scene_certificate import judged
 
 import cable_shape as cs
 from cable_shape.solve.touching import step
@@ -11,7 +13,10 @@ from cable_shape.solve.touching.step import Steps
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 CABLE = cs.Cable(1.2, 0.1, 0.003, 0.003, diameter=0.004)
-TABLE = cs.Scene(obstacles=[cs.Obstacle("table", cs.HalfSpace())], contact="solve")
+
+
+def on_table(friction):
+    return cs.Scene(obstacles=[cs.Obstacle("table", cs.HalfSpace(), friction=friction)], contact="solve")
 
 
 def ends(k):
@@ -21,8 +26,23 @@ def ends(k):
     return start, cs.Pose((1.13 + 0.01 * math.sin(1.4 * t), *start.position[1:]), ALONG_X)
 
 
+def test_what_friction_carries_goes_on_from_step_to_step():
+    """From what it carried last alone, steps took five iterations."""
+    scene = on_table(0.4)
+    predictor = cs.Predictor(CABLE, scene=scene, model="cosserat")
+    took = []
+    for k in range(100):
+        shape = predictor.predict(*ends(k))
+        assert shape.status is cs.Status.OK
+        assert not judged(CABLE, scene, shape, shape.supports)
+        took.append(shape.iterations)
+    assert not shape.frictionless
+    assert len(shape.contacts) > 15
+    assert np.median(took[10:]) <= 3.0
+
+
 def test_contacts_that_stand_stand_on_in_one_solve():
-    predictor, other = (cs.Predictor(CABLE, scene=TABLE, model="cosserat") for _ in range(2))
+    predictor, other = (cs.Predictor(CABLE, scene=on_table(0.0), model="cosserat") for _ in range(2))
     ran: list[int] = []
     solve = step._SOLVE
 
@@ -77,7 +97,7 @@ def test_a_body_that_moves_counts_from_where_it_was_when_contacts_do_not_stand_o
 
 @pytest.mark.parametrize("why", ["it is none", "askew", "inexact"])
 def test_where_contacts_that_stand_are_no_shape_they_run_again(why, monkeypatch):
-    predictor, other = (cs.Predictor(CABLE, scene=TABLE, model="cosserat") for _ in range(2))
+    predictor, other = (cs.Predictor(CABLE, scene=on_table(0.0), model="cosserat") for _ in range(2))
     for one in (predictor, other):
         for k in range(20):
             one.predict(*ends(k))
