@@ -388,17 +388,17 @@ class TouchState(Laid):
             out, df = out + own, df + pulls
         return out, df
 
-    def put_aside(self) -> tuple[Any, ...]:
-        """The last solution and how the cable and the bodies were then, for `put_back`."""
+    def put_aside(self, *, then: bool = False) -> tuple[Any, ...]:
+        """The last solution and how the cable and the bodies were then, for `put_back`; `then`: as for `copy`."""
         bodies = self.bodies
-        then = bodies.frames_then, bodies.links_then
-        return self.copy(), self.history, self.touching, self.free, self.free_frames, self._positions, then
+        was = bodies.frames_then, bodies.links_then
+        return self.copy(then=then), self.history, self.touching, self.free, self.free_frames, self._positions, was
 
     def put_back(self, aside: tuple[Any, ...]) -> None:
         """Makes what was put aside the last solution again."""
-        kept, self.history, self.touching, self.free, self.free_frames, self._positions, then = aside
+        kept, self.history, self.touching, self.free, self.free_frames, self._positions, was = aside
         self.restore(kept)
-        self.bodies.frames_then, self.bodies.links_then = then
+        self.bodies.frames_then, self.bodies.links_then = was
 
     @property
     def pull(self) -> float:

@@ -96,10 +96,10 @@ class Steps:
         deepest = -1.0 if state.in_pieces else DEEPEST  # how thick each piece is, is looked at in `settle`
         code = self._call(history, most, far, sunk, drag, before, deepest, fine)
         if code == UNSETTLED:
-            kept = state.copy(then=True)
+            aside = state.put_aside(then=True)
             state.accept()
             if not self.settle(frames, sunk, drag, refine=refine) or (before.size and self.passes(before, self.buffer)):
-                state.restore(kept)
+                state.put_back(aside)  # where it settles with contacts that stand, roads have gone on from there
                 return False
             state.untidy = True
         elif code != CONVERGED:

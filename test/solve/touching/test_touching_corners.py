@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 import cable_shape as cs
 from cable_shape.kernels.contact.near import BARE, NEAR, NORMAL, ON, PRESS
 from cable_shape.solve.touching import mesh
+from cable_shape.solve.touching.step import Steps
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 HALF = math.sqrt(0.5)
@@ -153,6 +154,32 @@ def test_what_is_too_short_or_crammed_comes_past_nothing(kind, number, last, str
             snapped = kind == "channel" and shape.status is cs.Status.SNAPPED
             assert before is None or snapped or passed(routed.scene, 0.5 * cable.diameter, before, shape) == ""
             before = shape
+
+
+def test_steps_that_lead_past_a_body_leave_where_the_cable_goes_on_from(monkeypatch):
+    """Roads between contacts that stand had moved that behind the post: from there the next step passed nothing."""
+    routed = contact_routing.motion("posts", 29)
+    ((name, cable),) = routed.cables.items()
+    predictor = cs.Predictor(cable, scene=routed.scene, model="cosserat", points=301)
+    before, failed, go = None, 0, Steps.go
+
+    def watched(steps, *way, **options):
+        nonlocal failed
+        there, then = steps.state.positions, steps.state.bodies.frames_then
+        found = go(steps, *way, **options)
+        if not found:
+            failed += 1
+            assert np.array_equal(steps.state.positions, there)
+            assert np.array_equal(steps.state.bodies.frames_then, then)
+        return found
+
+    monkeypatch.setattr(Steps, "go", watched)
+    for step in routed.steps[:60]:
+        shape = predictor.predict(*step[name])
+        if shape.usable:
+            assert before is None or passed(routed.scene, 0.5 * cable.diameter, before, shape) == ""
+            before = shape
+    assert failed > 0
 
 
 def test_neighbours_at_both_sides_of_an_edge_become_one_contact_there():
