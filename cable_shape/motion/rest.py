@@ -30,6 +30,7 @@ DRAG, RETARDATION = 0.3, 0.2
 #: in steps of one size, on another one, or in others, they do not.
 _ATTEMPTS = ((120, 0.1), (160, 0.3), (200, 0.3), (240, 0.3))
 _STEP, _LONGER = 0.02, 1.15  # [s], the first step, and how much longer each next one is
+_PACE = 0.1  #: [s] from place to place of a way that ends have gone: quicker than that the cable would trail behind
 _SHORTER, _SHORTEST = 0.3, 0.005  # so much shorter is one after one that could not be taken; [s], to no less than that
 _LET_DOWN_IN = _ATTEMPTS[:2]  #: of what is let down, on a long way
 #: Steps at the end of a way, and iterations of all of them, for more are taken where contacts flutter: of what goes on
@@ -44,9 +45,9 @@ Where = tuple[Ends, Mapping[str, Pose] | None]
 
 
 def led_to_rest(
-    cable: Cable, last: CableShape, then: Where, now: Where, scene: Scene | None, options: Mapping[str, Any]
+    cable: Cable, last: CableShape, then: Where, way: list[Where], scene: Scene | None, options: Mapping[str, Any]
 ) -> Iterator[Rest]:
-    """What a cable that lay like `last` comes to when its ends and links, which were `then`, are `now`.
+    """What a cable that lay like `last` comes to when its ends and links, which were `then`, have gone a `way`.
 
     It moves as cables do, through no body; how long that takes, and how far it swings, is of no matter here: it is
     damped by so much that it creeps. Once for each mesh on which it comes near rest, ever finer.
@@ -56,15 +57,18 @@ def led_to_rest(
     cable : Cable
     last : CableShape
         At rest, of that cable.
-    then, now : ((start, end), links)
-        The ends, and the robot links by name; the ends are held alike.
+    then : ((start, end), links)
+        The ends, and the robot links by name.
+    way : list of the same
+        Where they were since, at last where they are; the ends are held alike. On another way, a straight one, say, a
+        cable may come to rest elsewhere.
     scene : Scene, optional
     options : mapping
         Of :class:`Motion`: gravity, loads, bodies on links.
     """
     last = last.again()
     last.error_estimate = 0.0  # how well it is known is of no matter where it is at rest
-    return _led(cable, scene, options, last, then, [now], _ATTEMPTS, _PATIENT)
+    return _led(cable, scene, options, last, then, way, _PACE, _ATTEMPTS, _PATIENT)
 
 
 def let_down(problem: Problem, scene: Scene | None, options: Mapping[str, Any]) -> Iterator[Rest]:
@@ -92,7 +96,8 @@ def let_down(problem: Problem, scene: Scene | None, options: Mapping[str, Any]) 
     free.positions[:] -= far * down
     options = {**options, "robot_links": _smooth(options.get("robot_links", ()))}
     scene = None if scene is None else scene.replace(obstacles=_smooth(scene.obstacles))
-    return _led(problem.cable.replace(friction=0.0), scene, options, free, way[0], way[1:], _LET_DOWN_IN, _MORE_PATIENT)
+    smooth = problem.cable.replace(friction=0.0)
+    return _led(smooth, scene, options, free, way[0], way[1:], _STEP, _LET_DOWN_IN, _MORE_PATIENT)
 
 
 def _smooth(bodies: Iterable[Obstacle]) -> list[Obstacle]:
@@ -117,16 +122,17 @@ def _led(
     last: CableShape,
     then: Where,
     way: list[Where],
+    pace: float,
     attempts: Sequence[tuple[int, float]],
     patience: int,
 ) -> Iterator[Rest]:
-    """What it comes to on a way, step by step, from there; once for each mesh on which it gets to its end."""
+    """What it comes to on a way, in steps of a pace [s], from there; once for each mesh on which it gets to its end."""
     damped = cable.replace(drag=DRAG, retardation_time=RETARDATION)
     for elements, longest in attempts:
         try:
             motion = Motion(damped, scene, points=last.points, elements=elements, **options)
             motion.take_up(last, *then[0], then[1])
-            found = _at_rest(motion, Watch(motion.problem), way, longest, patience)
+            found = _at_rest(motion, Watch(motion.problem), way, pace, longest, patience)
         except ArgumentError:  # a cable that does not swing
             return
         if found is not None:
@@ -162,13 +168,14 @@ class Watch:
         return deep or steps.goes_through(before.positions, then, after.buffer)
 
 
-def _at_rest(motion: Motion, watch: Watch, way: list[Where], longest: float, patience: int) -> Rest | None:
-    """What a motion comes to at the end of a way, in steps up to so long [s]; None: it gets past a body, or nowhere."""
+def _at_rest(motion: Motion, watch: Watch, way: list[Where], pace: float, longest: float, patience: int) -> Rest | None:
+    """What a motion comes to at the end of a way, there in steps up to so long [s]; None: it gets past a body, or
+    nowhere."""
     shape, dt, iterations, unrest = motion.last, _STEP, 0, math.inf
     for k in range(len(way) + _MOST):
         before = shape
         ends, links = way[min(k, len(way) - 1)]
-        shape = motion.step(*ends, dt, links)
+        shape = motion.step(*ends, pace if k < len(way) - 1 else dt, links)
         if not shape.usable and k >= len(way) and dt > _SHORTEST:
             shape, dt = before, _SHORTER * dt  # the state is kept
             longest = dt

@@ -8,6 +8,7 @@ from typing import Any, final
 
 import numpy as np
 
+from cable_shape.pose import Grip, Pose
 from cable_shape.prediction.reuse import Ends, Links, kept
 from cable_shape.prediction.solvers import Rod
 from cable_shape.shape import CableShape, Status
@@ -19,6 +20,9 @@ _FEWEST_POINTS = 8  #: of a shape from which a motion goes on
 _BESIDE = 0.01  #: of the length: an equilibrium further from where the cable came to rest is another one
 _LONGEST_PAUSE, _PAUSE = 64, 16  #: steps that are let pass where a cable not known has come to no rest, or a taut one
 _FAR = 0.02  #: of the length: a cable that comes to rest further away from where it was has snapped
+#: Of the length, and rad: ends that have gone less far since then are where they were; and how many places of a way
+#: are remembered, of more every other one.
+_STRIDE, _PLACES = 2e-3, 128
 
 
 @final
@@ -31,12 +35,14 @@ class Sliding:
     def __init__(self, solver: Rod, options: Mapping[str, Any]) -> None:
         self._solver, self._options = solver, options
         self._last: tuple[CableShape, Where] | None = None
+        self._way: list[Where] = []  # where the ends have been since then, without a shape
         self._aside: Any = None  # the solver's memory, where what it remembers now is told by a motion
         self._waits, self._pause = 0, 1  # so many steps are let pass, and next time: what has just failed takes long
 
     def forget(self) -> None:
         """The next shape goes on from none."""
         self._last = self._aside = None
+        self._way.clear()
         self._waits, self._pause = 0, 1
 
     def solve(self, problem: Problem) -> CableShape:
@@ -66,7 +72,7 @@ class Sliding:
         stuck = self._solver.stuck
         if stuck and self._waits > 0:
             self._waits -= 1
-            return shape
+            return self._remember(shape, where)
         if not (stuck or (last is not None and _leaps(shape, last[0]))):
             return self._remember(shape, where)
         found = self._slid(last, where, problem, leaps=shape.usable)
@@ -82,10 +88,17 @@ class Sliding:
         return self._remember(found, where)
 
     def _remember(self, shape: CableShape, where: Where) -> CableShape:
-        """Goes on from a shape, if it is usable."""
+        """Goes on from a shape, if it is usable; else the cable may have followed there, unless it is too short."""
         if shape.usable:
             self._last = shape, where
+            self._way.clear()
             self._waits, self._pause = 0, 1
+        elif self._last is not None and shape.status is not Status.OVERSTRETCHED:
+            last, then = self._last
+            if _moved(self._way[-1] if self._way else then, where, last.length):
+                self._way.append(where)
+            if len(self._way) == _PLACES:
+                self._way = self._way[1::2]
         return shape
 
     def _slid(
@@ -100,7 +113,7 @@ class Sliding:
         if last is None:
             rests = let_down(problem, problem.scene, self._options)
         else:
-            rests = led_to_rest(problem.cable, *last, where, problem.scene, self._options)
+            rests = led_to_rest(problem.cable, *last, [*self._way, where], problem.scene, self._options)
         for rest, still in rests:
             aside = solver.put_aside()
             solver.begin(problem, rest, near=True)
@@ -127,6 +140,22 @@ def _may(last: tuple[CableShape, Where] | None, problem: Problem) -> bool:
     if last is not None and last[0].length != problem.cable.length:
         return False
     return problem.points >= _FEWEST_POINTS and problem.acceleration is None
+
+
+def _moved(then: Where, now: Where, length: float) -> bool:
+    """Whether ends or links have gone anywhere since then."""
+    before, after = _poses(then), _poses(now)
+    if before.keys() != after.keys():
+        return True
+    ways = (pose.distance(after[name]) for name, pose in before.items())
+    return any(far > _STRIDE * length or turned > _STRIDE for far, turned in ways)
+
+
+def _poses(where: Where) -> dict[str | int, Pose]:
+    """Those of the ends that are held, by number, and of links, by name."""
+    ends, links = where
+    held: list[tuple[str | int, Pose]] = [(k, end.cable_frame) for k, end in enumerate(ends) if isinstance(end, Grip)]
+    return dict([*held, *(links or {}).items()])
 
 
 def _drawn(shape: CableShape) -> bool:

@@ -61,7 +61,7 @@ def test_it_comes_to_rest_where_statics_have_it():
     predictor = cs.Predictor(cable, scene=scene)
     last = predictor.predict(start, then)
     exact = predictor.predict(start, now)
-    found = list(led_to_rest(cable, last, ((start, then), None), ((start, now), None), scene, {}))
+    found = list(led_to_rest(cable, last, ((start, then), None), [((start, now), None)], scene, {}))
     assert len(found) == 4
     for shape, still in found:
         assert still
@@ -163,7 +163,7 @@ def test_forces_of_a_motion_jump_where_bodies_push_it_inside_elements():
     scene = cs.Scene(obstacles=[wall], contact="solve")
     start, (then, now) = cs.Pose((0, 0, 0), AHEAD), [cs.Pose((x, 0, 0), AHEAD) for x in (0.72, 0.7)]
     last = cs.predict(cable, start, then, scene=scene, points=301)
-    found = led_to_rest(cable, last, ((start, then), None), ((start, now), None), scene, {})
+    found = led_to_rest(cable, last, ((start, then), None), [((start, now), None)], scene, {})
     shape = next(one.shape for one in found if one.still)
     assert judged(cable, scene, shape, shape.supports) == ()
     (push,) = shape.contacts
@@ -190,6 +190,68 @@ def test_roads_are_short_only_where_an_equilibrium_is_looked_for_near_a_motions_
         assert not rod._touch.hasty
     assert True in seen
     assert False in seen
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_cable_without_a_shape_for_a_while_comes_to_rest_on_the_side_where_its_ends_went(known, monkeypatch):
+    """Over a wall and down behind it; straight to where they are, it would be caught in front."""
+    cable = cs.Cable(1.0, 0.1, 0.02, 0.015, diameter=0.008)
+    wall = cs.Obstacle("wall", cs.Box((0.5, 0.02, 0.4)), cs.Pose((0.35, 0.0, -0.3)))
+    predictor = cs.Predictor(cable, scene=cs.Scene(obstacles=[wall], contact="solve"))
+    way = [(-0.1, z) for z in np.linspace(0.0, 0.3, 7)]
+    way += [(y, 0.3) for y in np.linspace(-0.1, 0.1, 8)] + [(0.1, z) for z in np.linspace(0.3, 0.0, 7)]
+    lost, solve, begin, go = True, Rod.solve, Rod.begin, rest.led_to_rest
+
+    def told(rod, problem):
+        shape = solve(rod, problem)
+        if lost:
+            shape.status = cs.Status.NOT_CONVERGED
+        return shape
+
+    def begun(rod, *args, **options):
+        nonlocal lost
+        lost = False
+        begin(rod, *args, **options)
+
+    for k, (y, z) in enumerate(way):
+        if k == 1:
+            monkeypatch.setattr(Rod, "stuck", property(lambda rod: True))
+            monkeypatch.setattr(Rod, "solve", told)
+            monkeypatch.setattr(rest, "led_to_rest", lambda *_: iter(()))
+        if k == len(way) - 1:
+            monkeypatch.setattr(Rod, "begin", begun)
+            monkeypatch.setattr(rest, "led_to_rest", go if known else lambda *a: go(*a[:3], a[3][-1:], *a[4:]))
+        shape = predictor.predict(cs.Pose((0.0, y, z), AHEAD), cs.Pose((0.7, y, z), AHEAD))
+        assert shape.usable == (k in (0, len(way) - 1)), k
+    assert shape.status is cs.Status.SNAPPED
+    assert (shape.positions[shape.points // 2, 1] > 0.05) == known
+
+
+def test_a_way_on_which_the_ends_stand_or_shake_or_go_far_is_remembered_by_few_places():
+    shape = cs.predict(cs.Cable(1.0, 0.1, 0.02, 0.015), cs.Pose((0, 0, 0), AHEAD), cs.Pose((0.7, 0, 0), AHEAD))
+    lost = shape.again()
+    lost.status = cs.Status.NOT_CONVERGED
+    sliding = Sliding(Rod(), {})
+
+    def asked(shape, x, links=None):
+        ends = cs.Grip(cs.Pose((x, 0, 0), AHEAD)), cs.Grip(cs.Pose((x, 0, 0), AHEAD))
+        sliding._remember(shape, (ends, links))
+
+    asked(shape, 0.0)
+    for x in (0.0, 0.001, 0.003, 0.004, 0.003, 0.006):
+        asked(lost, x)
+    assert [ends[0].pose.position[0] for (ends, _) in sliding._way] == [0.003, 0.006]
+    asked(lost, 0.006, {"arm": cs.Pose((0, 0, 0))})
+    assert len(sliding._way) == 3
+    for k in range(1000):
+        asked(lost, 0.01 * k)
+    assert 60 < len(sliding._way) < 128
+    assert sliding._way[-1][0][0].pose.position[0] > 9.9
+    lost.status = cs.Status.OVERSTRETCHED
+    asked(lost, 20.0)
+    assert sliding._way[-1][0][0].pose.position[0] < 10.0
+    asked(shape, 0.0)
+    assert sliding._way == []
 
 
 def test_what_is_drawn_taut_and_goes_nowhere_is_tried_less_and_less_often(monkeypatch):
