@@ -95,7 +95,7 @@ class Sliding:
             self._waits, self._pause = 0, 1
         elif self._last is not None and shape.status is not Status.OVERSTRETCHED:
             last, then = self._last
-            if _moved(self._way[-1] if self._way else then, where, last.length):
+            if not self._solver.draws(last) and _moved(self._way[-1] if self._way else then, where, last.length):
                 self._way.append(where)
             if len(self._way) == _PLACES:
                 self._way = self._way[1::2]

@@ -20,6 +20,7 @@ from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.touching import touching
 from cable_shape.solve.touching.state import TouchState
+from cable_shape.solve.touching.taut import TIGHT
 
 #: Of the rod that gave a shape, in contact or not; None: there is none.
 Memory = Network | TouchState | None
@@ -127,6 +128,11 @@ class Rod:
     def stuck(self) -> bool:
         """Whether bodies left no way to the last shape, which is none."""
         return self._touch is not None and self._touch.stuck
+
+    def draws(self, shape: CableShape) -> bool:
+        """Whether a shape is pulled so hard all along that what nothing leads on from there is too short."""
+        usual = math.inf if self._touch is None else self._touch.usual_pull
+        return bool(np.median((shape.force * shape.tangents).sum(axis=1)) > TIGHT * usual)
 
     def _free(self, problem: Problem) -> Network:
         """The memory of the rod without contact, made where there is none."""

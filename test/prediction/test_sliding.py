@@ -16,7 +16,7 @@ from cable_shape.solve.problem import Problem
 from cable_shape.solve.touching.road import Road
 from cable_shape.solve.touching.step import Steps
 
-AHEAD = (0.5, 0.5, 0.5, 0.5)
+AHEAD, HALF = (0.5, 0.5, 0.5, 0.5), 0.5**0.5
 LAID, STUCK = 38, 60  # steps of a cable laid into a channel, without friction, and pressed lengthwise there
 
 
@@ -252,6 +252,28 @@ def test_a_way_on_which_the_ends_stand_or_shake_or_go_far_is_remembered_by_few_p
     assert sliding._way[-1][0][0].pose.position[0] < 10.0
     asked(shape, 0.0)
     assert sliding._way == []
+
+
+def test_no_way_is_remembered_on_which_a_taut_cable_cannot_follow():
+    """Drawn over a bar until it is too short; a cable that only hangs over it is another matter."""
+    cable = cs.Cable(1.0, 0.1, 0.02, 0.015, diameter=0.008)
+    bar = cs.Obstacle("bar", cs.Capsule(0.02, 1.0), cs.Pose((0.4, 0.0, -0.02), (HALF, 0.0, 0.0, HALF)))
+    problem, rod = Problem(cable, scene=cs.Scene(obstacles=[bar], contact="solve")), Rod()
+    sliding, drawn = Sliding(rod, {}), []
+    for depth in np.linspace(-0.3, 0.32, 94):
+        ends = cs.Pose((0.0, 0.0, -depth), AHEAD), cs.Pose((0.8, 0.0, -depth), AHEAD)
+        shape = sliding.solve(problem.move(*ends, None))
+        if not shape.usable:
+            break
+        drawn.append(rod.draws(shape))
+        lost = shape.again()
+        lost.status = cs.Status.NOT_CONVERGED
+        sliding._remember(lost, ((cs.Grip(cs.Pose((0, 0, 0), AHEAD)), cs.Grip(cs.Pose((0.9, 0, 0), AHEAD))), None))
+        assert (sliding._way == []) == drawn[-1]
+    assert shape.status is cs.Status.OVERSTRETCHED
+    assert drawn == sorted(drawn)
+    assert drawn[0] is False
+    assert drawn[-1] is True
 
 
 def test_what_is_drawn_taut_and_goes_nowhere_is_tried_less_and_less_often(monkeypatch):
