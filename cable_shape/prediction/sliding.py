@@ -95,7 +95,8 @@ class Sliding:
             self._waits, self._pause = 0, 1
         elif self._last is not None and shape.status is not Status.OVERSTRETCHED:
             last, then = self._last
-            if not self._solver.draws(last) and _moved(self._way[-1] if self._way else then, where, last.length):
+            taut = _drawn(last, self._solver.taut_from)
+            if not taut and _moved(self._way[-1] if self._way else then, where, last.length):
                 self._way.append(where)
             if len(self._way) == _PLACES:
                 self._way = self._way[1::2]
@@ -158,9 +159,9 @@ def _poses(where: Where) -> dict[str | int, Pose]:
     return dict([*held, *(links or {}).items()])
 
 
-def _drawn(shape: CableShape) -> bool:
-    """Whether most of a shape is pulled: what does not go on from there is too short, and a motion of no use."""
-    return bool(np.median((shape.force * shape.tangents).sum(axis=1)) > 0.0)
+def _drawn(shape: CableShape, least: float = 0.0) -> bool:
+    """Whether most of a shape is pulled, by more than this [N]: what does not go on from there is too short."""
+    return bool(np.median((shape.force * shape.tangents).sum(axis=1)) > least)
 
 
 def _leaps(shape: CableShape, last: CableShape) -> bool:

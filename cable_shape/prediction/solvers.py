@@ -129,10 +129,10 @@ class Rod:
         """Whether bodies left no way to the last shape, which is none."""
         return self._touch is not None and self._touch.stuck
 
-    def draws(self, shape: CableShape) -> bool:
-        """Whether a shape is pulled so hard all along that what nothing leads on from there is too short."""
-        usual = math.inf if self._touch is None else self._touch.usual_pull
-        return bool(np.median((shape.force * shape.tangents).sum(axis=1)) > TIGHT * usual)
+    @property
+    def taut_from(self) -> float:
+        """[N], the tension from which on a cable that nothing leads on among bodies may be too short."""
+        return math.inf if self._touch is None else TIGHT * self._touch.usual_pull
 
     def _free(self, problem: Problem) -> Network:
         """The memory of the rod without contact, made where there is none."""

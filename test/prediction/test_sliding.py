@@ -10,7 +10,7 @@ from scene_certificate import judged, passed
 import cable_shape as cs
 from cable_shape.motion import rest
 from cable_shape.motion.rest import led_to_rest
-from cable_shape.prediction.sliding import Sliding
+from cable_shape.prediction.sliding import Sliding, _drawn
 from cable_shape.prediction.solvers import Rod
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.touching.road import Road
@@ -265,7 +265,7 @@ def test_no_way_is_remembered_on_which_a_taut_cable_cannot_follow():
         shape = sliding.solve(problem.move(*ends, None))
         if not shape.usable:
             break
-        drawn.append(rod.draws(shape))
+        drawn.append(_drawn(shape, rod.taut_from))
         lost = shape.again()
         lost.status = cs.Status.NOT_CONVERGED
         sliding._remember(lost, ((cs.Grip(cs.Pose((0, 0, 0), AHEAD)), cs.Grip(cs.Pose((0.9, 0, 0), AHEAD))), None))
