@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from time import perf_counter
 from typing import Any, final
@@ -20,6 +21,10 @@ _FEWEST_POINTS = 8  #: of a shape from which a motion goes on
 _BESIDE = 0.01  #: of the length: an equilibrium further from where the cable came to rest is another one
 _LONGEST_PAUSE, _PAUSE = 64, 16  #: steps that are let pass where a cable not known has come to no rest, or a taut one
 _FAR = 0.02  #: of the length: a cable that comes to rest further away from where it was has snapped
+_UNSEEN = (
+    "the last shape leads on only over an obstacle, and the cable does not come to rest behind it as it moves there. "
+    "It stays so until it does, or a way leads on past nothing, or until reset: then any shape is taken. "
+)
 #: Of the length, and rad: ends that have gone less far since then are where they were; and how many places of a way
 #: are remembered, of more every other one.
 _STRIDE, _PLACES = 2e-3, 128
@@ -60,8 +65,7 @@ class Sliding:
         if told and self._last is not None and shape.status is Status.OK:
             _note_snap(shape, self._last[0])  # the solver has gone on from another shape than the last one
         found = self._followed(shape, problem)
-        if found is not shape:
-            found.solve_time = perf_counter() - began
+        found.solve_time = perf_counter() - began
         return found
 
     def _followed(self, shape: CableShape, problem: Problem) -> CableShape:
@@ -80,12 +84,20 @@ class Sliding:
             self._waits = self._pause if stuck else 0
             if last is None or _drawn(last[0]):
                 self._pause = min(2 * self._pause, _LONGEST_PAUSE if last is None else _PAUSE)
+            if last is not None and shape.usable and _over(last[0], shape, problem):
+                self._refuse(shape, *last, problem)
             return self._remember(shape, where)
         if last is None and found.status is Status.SNAPPED:  # from where it came to rest, which nobody has seen
             found.status, found.detail = Status.OK, ""
         elif last is not None and found.status is Status.OK:
             _note_snap(found, last[0])
         return self._remember(found, where)
+
+    def _refuse(self, shape: CableShape, last: CableShape, then: Where, problem: Problem) -> None:
+        """Makes a shape of the solver none, for no motion has seen it leap over a body, and has it come back."""
+        status = Status.NOT_CONVERGED
+        shape.status, shape.detail, shape.error_estimate = status, _UNSEEN + status.remedy, math.inf
+        self._solver.go_back_to(problem, last, *then)
 
     def _remember(self, shape: CableShape, where: Where) -> CableShape:
         """Goes on from a shape, if it is usable; else the cable may have followed there, unless it is too short."""
@@ -167,6 +179,13 @@ def _drawn(shape: CableShape, least: float = 0.0) -> bool:
 def _leaps(shape: CableShape, last: CableShape) -> bool:
     """Whether no small steps have led to a shape of the solver: then nothing but bodies tells how it came there."""
     return shape.status is Status.SNAPPED and _apart(shape, last) > _FAR * shape.length
+
+
+def _over(before: CableShape, after: CableShape, problem: Problem) -> bool:
+    """Whether the straight way from a shape to one of the problem's leads through a body."""
+    from cable_shape.motion.rest import Watch
+
+    return Watch(problem).passed(before, after)
 
 
 def _note_snap(shape: CableShape, last: CableShape) -> None:

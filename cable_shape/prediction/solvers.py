@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from time import perf_counter
 from typing import Any, Protocol, final
 
@@ -14,6 +14,7 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.pieces import refuse
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.shape import CableShape
 from cable_shape.solve import catenary, cosserat, gradient
 from cable_shape.solve.network import Network
@@ -199,6 +200,15 @@ class Rod:
             supports[1:-1] = problem.clips_at(links)
         self._touch.move_bodies(links)
         self._touch.resume(shape, supports)
+
+    def go_back_to(
+        self, problem: Problem, shape: CableShape, ends: tuple[Grip, Grip | FreeEnd], links: Mapping[str, Pose] | None
+    ) -> None:
+        """Makes a shape from before the last one in contact again, between its own ends, which were held alike."""
+        assert self._touch is not None
+        start, end = ends
+        frames = np.array([(one if isinstance(one, Grip) else start).cable_frame.array for one in (start, end)])
+        self.go_on_from(problem, shape, frames, self._touch.bodies.link_rows(links))
 
     @property
     def lag(self) -> Array | None:

@@ -111,6 +111,66 @@ def test_what_slides_on_what_is_rough_says_that_friction_tells_no_past(friction,
     assert shape.frictionless == (friction > 0.0)
 
 
+def test_what_leaps_out_of_a_channel_is_none_where_no_motion_of_the_cable_comes_to_rest_there():
+    """Pressed lengthwise; the road leaps over the wall, motions on all meshes stay inside, where pushes flutter."""
+    given = motion("channel", 87)
+    cable = given.cables["cable"]
+    predictor, last, lost = cs.Predictor(cable, scene=given.scene, points=301), None, []
+    for k, step in enumerate(given.steps[:44]):
+        shape = predictor.predict(*step["cable"])
+        if not shape.usable:
+            lost.append(k)
+            continue
+        if last is not None:
+            assert passed(given.scene, 0.5 * cable.diameter, last, shape) == ""
+        last = shape
+    assert len(lost) < 4
+
+
+WALL_AT, BEHIND = 0.07, 0.14  # m, beside a cable on a table
+
+
+def leaping(friction, aside, monkeypatch):
+    """The last two shapes on a table beside a wall; the first leaps `aside` [m], told by no motion; 0: none leaps."""
+    cable = cs.Cable(1.0, 0.1, 0.02, 0.015, diameter=0.008)
+    table = cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, -0.1)), friction=friction)
+    wall = cs.Obstacle("wall", cs.Box((0.5, 0.02, 0.2)), cs.Pose((0.35, WALL_AT, -0.1)))
+    predictor = cs.Predictor(cable, scene=cs.Scene(obstacles=[table, wall], contact="solve"))
+    start, solve, found = cs.Pose((0, 0, 0), AHEAD), Rod.solve, []
+
+    def leapt(rod, problem):
+        shape = solve(rod, problem.move(problem.start, cs.Grip(cs.Pose((0.6, 0, 0), AHEAD)), None))
+        shape.positions[:, 1] += aside
+        shape.status = cs.Status.SNAPPED
+        return shape
+
+    for chord in (0.72, 0.718, 0.716, 0.714) if aside else (0.72, 0.718, 0.714):
+        if chord == 0.716:
+            monkeypatch.setattr(Rod, "solve", leapt)
+            monkeypatch.setattr(rest, "led_to_rest", lambda *_: iter(()))
+        found.append(predictor.predict(start, cs.Pose((chord, 0, 0), AHEAD)))
+        monkeypatch.undo()
+    return found[-2:]
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_after_a_leap_over_a_wall_that_no_motion_confirms_it_goes_on_from_where_it_was(friction, monkeypatch):
+    """With what sticks there."""
+    leap, shape = leaping(friction, BEHIND, monkeypatch)
+    assert leap.status is cs.Status.NOT_CONVERGED
+    assert leap.error_estimate == np.inf
+    assert "over an obstacle" in leap.detail
+    _, exact = leaping(friction, 0.0, monkeypatch)
+    assert shape.status is exact.status is cs.Status.OK
+    assert not shape.frictionless
+    assert np.abs(shape.positions - exact.positions).max() <= shape.error_estimate + exact.error_estimate
+    assert np.abs(shape.force - exact.force)[[0, -1]].max() < 1e-3 * np.abs(exact.force).max()
+
+
+def test_a_leap_past_nothing_needs_no_motion_to_confirm_it(monkeypatch):
+    assert leaping(0.0, -BEHIND, monkeypatch)[0].status is cs.Status.SNAPPED
+
+
 def test_it_would_not_be_found_without(pressed, monkeypatch):
     given, grips = pressed
     monkeypatch.setattr(rest, "let_down", lambda *_: iter(()))

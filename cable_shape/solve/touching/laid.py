@@ -135,8 +135,7 @@ class Laid:
         self.widest = 0.0  # [m], element behind a support, when the mesh was laid out
         self.layer = math.inf  # [m], at what holds the cable, for which the mesh was made because tension is high
         self.rubs = True  # whether there is friction: not on ways that are no steps of the cable
-        #: While tension is high, the last solution before, as `put_aside` has it: from what is drawn beyond its length
-        #: hardly a step leads back.
+        self.slipped = False  # whether it has lain without friction, too short, since the last usable shape
         self.untidy = False  # whether contacts may have run up to nodes in it
         self.stood = False  # whether its contacts stand at their nodes, since no way led to it with contacts that run
         self.factored = (

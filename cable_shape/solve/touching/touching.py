@@ -111,6 +111,16 @@ class Solve:
 
     def run(self) -> CableShape:
         """The shape, whatever comes."""
+        shape, state = self._solved(), self.state
+        if shape.status is Status.OVERSTRETCHED:
+            state.slipped = state.slipped or not state.rubs
+        elif shape.usable:
+            shape.frictionless = shape.frictionless or (state.slipped and state.touching and state.has_friction)
+            state.slipped = False
+        return shape
+
+    def _solved(self) -> CableShape:
+        """The same; of friction it tells what this one step knows."""
         state = self.state
         state.stuck = False
         state.rubs = self.problem.rubs and state.tight <= 1.0

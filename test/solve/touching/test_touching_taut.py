@@ -13,6 +13,7 @@ from scene_certificate import judged, passed
 
 import cable_shape as cs
 from cable_shape.kernels.contact.afterwards import stretched
+from cable_shape.solve.touching import taut
 from cable_shape.solve.touching.moments import missed
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
@@ -79,6 +80,24 @@ def test_a_rough_cable_drawn_round_three_posts_lacks_what_a_band_does_that_frict
     assert np.all(found < 1.1 * band + near)
     assert_allclose(band[most:] - found[most:], band[most] - found[most], rtol=0.0, atol=near)
     assert lost <= 2
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+def test_friction_tells_no_past_of_what_was_too_short_for_a_while(friction: float, monkeypatch):
+    """While it is too short it lies without; only the first shape after that says so, also where it gave no more."""
+    monkeypatch.setattr(taut, "pull", lambda *_: None)
+    cable = cs.Cable(1.0, 0.1, 0.02, 0.015, diameter=0.008)
+    half = math.sqrt(0.5)
+    pose = cs.Pose((0.35, 0.0, -0.02), (half, 0.0, 0.0, half))
+    bar = cs.Obstacle("bar", cs.Capsule(0.02, 1.0), pose, friction=friction)
+    predictor = cs.Predictor(cable, scene=cs.Scene(obstacles=[bar], contact="solve"))
+    out = np.linspace(-0.3, 0.32, 94)
+    places = [((0.0, 0.0, -depth), (0.8, 0.0, -depth)) for depth in (*out, *out[-2:60:-1])]
+    shapes = [predictor.predict(*(cs.Pose(place, ALONG_X) for place in pair)) for pair in places]
+    short = [k for k, shape in enumerate(shapes) if shape.status is cs.Status.OVERSTRETCHED]
+    assert len(short) > 4
+    assert all(shape.usable for shape in shapes[short[-1] + 1 :])
+    assert [shape.frictionless for shape in shapes[short[-1] + 1 :]][:3] == [friction > 0.0, False, False]
 
 
 def test_what_was_tried_and_taken_back_is_not_where_it_goes_on_from():
