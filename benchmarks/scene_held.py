@@ -10,7 +10,8 @@ So where kappa_g < mu kappa_n it slips nowhere across alone, and
     (ln |w|)' = kappa_g^2 / sqrt(mu^2 kappa_n^2 - kappa_g^2):
 
 what comes out at its end is what slack there was, times the exponential of that integral at most. Drawn on further, it
-is too short, though another way past the bodies is shorter: it would have to be slackened to lie there.
+is too short, though another way past the bodies is shorter: it would have to be slackened to lie there. Where a last
+shape is known to within e only, it may have slack of e times what it turns along surfaces more.
 """
 
 from __future__ import annotations
@@ -90,6 +91,7 @@ class Held:
         self.cable, self.scene, self.clips = cable, scene, clips
         self._last: cs.CableShape | None = None
         self._long = 0.0  # [m], what it was last time
+        self.lacking = 0.0  #: [m], by how much it is too short at least
         self._eased = False  # whether its ends have come nearer since, so that it may lie otherwise
 
     def lie(self, shape: cs.CableShape) -> None:
@@ -98,12 +100,20 @@ class Held:
 
     def too_short(self, start: cs.Pose, end: cs.Pose) -> bool:
         """Whether it cannot be drawn between these grips from where its last shape touches."""
+        self.lacking = 0.0
         if self._last is None or self._eased:
             return False
-        found, total = drawn_on(self.cable, self.scene, self.clips, self._last, start, end)
-        self._eased = not found and total < self._long
+        self.lacking, total = drawn_on(self.cable, self.scene, self.clips, self._last, start, end)
+        self._eased = self.lacking == 0.0 and total < self._long
         self._long = total
-        return found
+        return self.lacking > 0.0
+
+    def contradicts(self, shape: cs.CableShape, start: cs.Pose, end: cs.Pose) -> bool:
+        """Whether a shape between grips for which it was too short just now cannot be, as exact as that says it is.
+
+        What says that friction tells no past may lie anywhere, and so may what had slack on its way.
+        """
+        return self.lacking > shape.error_estimate and not (shape.frictionless or self.eases(start, end))
 
     def eases(self, start: cs.Pose, end: cs.Pose) -> bool:
         """Whether it has slack between its last shape and these grips on the straight way there.
@@ -125,21 +135,21 @@ class Held:
 
 def drawn_on(
     cable: cs.Cable, scene: cs.Scene, clips: list[cs.Clip], last: cs.CableShape, start: cs.Pose, end: cs.Pose
-) -> tuple[bool, float]:
-    """Whether the cable is too short to be drawn on between these grips, and how long a band is there [m]."""
+) -> tuple[float, float]:
+    """[m] by how much the cable is too short to be drawn on between these grips, and how long a band is there."""
     rubs = {body.name: max(body.friction, cable.friction) for body in scene.obstacles}
     touched = sorted(last.contacts, key=lambda contact: contact.arc_length)
     arcs = [contact.arc_length for contact in touched]
     if not touched or any(contact.body not in rubs for contact in touched) or len(set(arcs)) < len(arcs):
-        return False, 0.0
+        return 0.0, 0.0
     if bent(cable, last):
-        return False, 0.0
+        return 0.0, 0.0
     on = [Stop(c.point + 0.5 * cable.diameter * c.normal, c.normal, rubs[c.body]) for c in touched]
     runs = [clip for clip in clips if clip.kind == "slide"]
     fixed = [(0.0, last.positions[0], np.array(start.position))]
     fixed += [(clip.arc_length, *2 * [np.array(clip.pose.position)]) for clip in clips if clip.kind != "slide"]
     fixed.append((cable.length, last.positions[-1], np.array(end.position)))
-    found, total = False, 0.0
+    lacking, total = 0.0, 0.0
     for (a, was_a, now_a), (b, was_b, now_b) in pairwise(fixed):
         inner = [(arc, stop) for arc, stop in zip(arcs, on, strict=True) if a < arc < b]
         inner += [(clip.arc_length, Stop(np.array(clip.pose.position))) for clip in runs if a < clip.arc_length < b]
@@ -151,8 +161,10 @@ def drawn_on(
                 break
             between = kept
         now = [Stop(now_a), *between, Stop(now_b)]
-        slack = max(b - a - long(then), 0.0)
+        along = sum(g for stop, g in zip(between, turns(then)[1], strict=True) if stop.normal is not None)
+        slack = max(b - a - long(then), 0.0) + last.error_estimate * along
         most = max(growth(then), growth(now))
-        found = found or long(now) - long(then) > most * slack + LONGER * cable.length
+        if most < math.inf:
+            lacking = max(lacking, long(now) - long(then) - most * slack - LONGER * cable.length)
         total += long(now)
-    return found, total
+    return lacking, total

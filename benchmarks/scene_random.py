@@ -250,7 +250,7 @@ def run_motion(given: Motion, title: str) -> Found:
             )
             statuses["too far apart" if none else "held" if held else shape.status.name] += 1
             if shape.usable:
-                if told and not (shape.frictionless or holds[name].eases(*grips[name])):
+                if told and holds[name].contradicts(shape, *grips[name]):
                     texts.append("held: friction holds the cable on a way for which it is too short")
                 bands[name].lie(shape)
                 holds[name].lie(shape)

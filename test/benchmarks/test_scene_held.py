@@ -51,7 +51,7 @@ def test_no_shape_contradicts_it_and_what_has_been_slack_may_lie_elsewhere():
     for k, ends in enumerate(ways[:66]):
         shape = cycle.step({"cable": ends}, stamp=10_000_000 * k).shapes["cable"]
         if hold.too_short(*ends):
-            assert not shape.usable or shape.frictionless, k
+            assert not (shape.usable and hold.contradicts(shape, *ends)), k
             found.append(k)
         if shape.usable:
             last = shape
@@ -64,6 +64,18 @@ def test_no_shape_contradicts_it_and_what_has_been_slack_may_lie_elsewhere():
     assert not hold.too_short(*ways[far])
     hold.lie(last)
     assert hold.too_short(*ways[far])
+
+    lacking, rough = hold.lacking, last.again()
+    rough.error_estimate += 1e-4
+    hold.lie(rough)
+    assert hold.too_short(*ways[far])
+    assert 1e-5 < lacking - hold.lacking < 1e-4
+    rough.frictionless = False
+    for error, contradicts in ((0.9 * hold.lacking, True), (1.1 * hold.lacking, False)):
+        rough.error_estimate = error
+        assert hold.contradicts(rough, *ways[far]) == contradicts
+    rough.error_estimate, rough.frictionless = 0.0, True
+    assert not hold.contradicts(rough, *ways[far])
 
     outward, past = (last.positions[-1] + at for at in way_on(last))
     assert not hold.eases(ways[0][0], cs.Pose(outward))
