@@ -33,9 +33,11 @@ _STEP, _LONGER = 0.02, 1.15  # [s], the first step, and how much longer each nex
 _PACE = 0.1  #: [s] from place to place of a way that ends have gone: quicker than that the cable would trail behind
 _SHORTER, _SHORTEST = 0.3, 0.005  # so much shorter is one after one that could not be taken; [s], to no less than that
 _LET_DOWN_IN = _ATTEMPTS[:2]  #: of what is let down, on a long way
-#: Steps at the end of a way, and iterations of all of them, for more are taken where contacts flutter: of what goes on
-#: from a shape, and of what is let down.
-_MOST, _PATIENT, _MORE_PATIENT = 80, 4000, 9000
+#: Steps at the end of a way, and iterations of all of them.
+_MOST, _MOST_ITERATIONS = 160, 60_000
+#: Iterations in one place, for more are taken where contacts flutter: of what goes on from a shape, and of what is let
+#: down. And how far it is to another place, of the length: what comes there is on its way, and buckles slowly, say.
+_PATIENT, _MORE_PATIENT, _ELSEWHERE = 4000, 9000, 0.01
 #: At rest drag and inertia take less than this part of the largest force, and retardation of the largest curvature.
 _STILL, _UNBENT = 5e-6, 1e-3
 _RESTLESS = 1e-2  #: the same of what is only near rest
@@ -171,7 +173,8 @@ class Watch:
 def _at_rest(motion: Motion, watch: Watch, way: list[Where], pace: float, longest: float, patience: int) -> Rest | None:
     """What a motion comes to at the end of a way, there in steps up to so long [s]; None: it gets past a body, or
     nowhere."""
-    shape, dt, iterations, unrest = motion.last, _STEP, 0, math.inf
+    shape, dt, unrest = motion.last, _STEP, math.inf
+    place, iterations, gone = shape.positions, 0, 0  # iterations at this place, and on the way there
     for k in range(len(way) + _MOST):
         before = shape
         ends, links = way[min(k, len(way) - 1)]
@@ -185,9 +188,11 @@ def _at_rest(motion: Motion, watch: Watch, way: list[Where], pace: float, longes
         if k < len(way) - 1:
             continue
         iterations += shape.iterations
+        if _sizes(shape.positions - place).max() > _ELSEWHERE * shape.length:
+            place, iterations, gone = shape.positions, 0, gone + iterations
         bent = RETARDATION * _sizes(shape.curvature - before.curvature).max() / dt / _sizes(shape.curvature).max()
         unrest = motion.unrest / _sizes(shape.force).max()
-        if (unrest < _STILL and bent < _UNBENT) or iterations > patience:
+        if (unrest < _STILL and bent < _UNBENT) or iterations > min(patience, _MOST_ITERATIONS - gone):
             break
         dt = min(_LONGER * dt, longest)
     if not unrest < _RESTLESS:

@@ -111,20 +111,27 @@ def test_what_slides_on_what_is_rough_says_that_friction_tells_no_past(friction,
     assert shape.frictionless == (friction > 0.0)
 
 
-def test_what_leaps_out_of_a_channel_is_none_where_no_motion_of_the_cable_comes_to_rest_there():
-    """Pressed lengthwise; the road leaps over the wall, motions on all meshes stay inside, where pushes flutter."""
+def test_what_buckles_slowly_out_of_a_channel_is_followed_until_it_rests(monkeypatch):
+    """Pressed lengthwise: the road leaps over a wall, the cable as it moves creeps for long and comes over the other.
+
+    The judge of random routing finds it there, too (`scripts/bench contact`); it takes a minute for that.
+    """
     given = motion("channel", 87)
     cable = given.cables["cable"]
-    predictor, last, lost = cs.Predictor(cable, scene=given.scene, points=301), None, []
-    for k, step in enumerate(given.steps[:44]):
-        shape = predictor.predict(*step["cable"])
-        if not shape.usable:
-            lost.append(k)
-            continue
-        if last is not None:
-            assert passed(given.scene, 0.5 * cable.diameter, last, shape) == ""
-        last = shape
-    assert len(lost) < 4
+    for patient in (True, False):
+        predictor = cs.Predictor(cable, scene=given.scene, points=301)
+        if not patient:
+            monkeypatch.setattr(rest, "_ELSEWHERE", np.inf)
+        for step in given.steps[:45]:
+            shape = predictor.predict(*step["cable"])
+            if shape.status in (cs.Status.SNAPPED, cs.Status.NOT_CONVERGED):
+                break
+        if patient:
+            assert shape.status is cs.Status.SNAPPED
+            assert judged(cable, given.scene, shape, shape.supports) == ()
+            assert np.abs(shape.positions[:, 1]).max() > 0.06
+        else:
+            assert shape.status is cs.Status.NOT_CONVERGED
 
 
 WALL_AT, BEHIND = 0.07, 0.14  # m, beside a cable on a table
