@@ -118,11 +118,13 @@ class Sliding:
         self, last: tuple[CableShape, Where] | None, where: Where, problem: Problem, *, leaps: bool
     ) -> CableShape | None:
         """Where the cable comes to rest, from nothing let down; None if that is not known. leaps: the solver has come
-        elsewhere. What sticks creeps as it moves: of friction the shape tells no past.
+        elsewhere. What sticks creeps as it moves: of friction the shape tells no past, and one mesh may creep over a
+        wall that holds the others. Two are to come to a shape behind a body.
         """
         from cable_shape.motion.rest import led_to_rest, let_down  # when first needed: it takes a while to load
 
         solver, coarser = self._solver, None
+        behind: list[CableShape] = []
         if last is None:
             rests = let_down(problem, problem.scene, self._options)
         else:
@@ -131,9 +133,13 @@ class Sliding:
             aside = solver.put_aside()
             solver.begin(problem, rest, near=True)
             found = solver.solve(problem)
-            if found.usable and _apart(found, rest) < _BESIDE * rest.length:
-                found.frictionless = found.frictionless or solver.rough
-                return found
+            beside = _BESIDE * rest.length
+            if found.usable and _apart(found, rest) < beside:
+                seen = any(_apart(found, other) < beside for other in behind)
+                if last is None or seen or not _over(last[0], found, problem):
+                    found.frictionless = found.frictionless or solver.rough
+                    return found
+                behind.append(found)
             solver.put_back(aside)
             if not still:
                 continue
