@@ -156,13 +156,14 @@ def drawn_on(
         between = [stop for _, stop in sorted(inner, key=lambda one: one[0])]
         while True:  # only bending presses the cable where a band would not touch
             then = [Stop(was_a), *between, Stop(was_b)]
-            kept = [s for s, n in zip(between, turns(then)[0], strict=True) if s.normal is None or n > 0.0]
+            into, along = turns(then)
+            kept = [s for s, n in zip(between, into, strict=True) if s.normal is None or n > 0.0]
             if len(kept) == len(between):
                 break
             between = kept
         now = [Stop(now_a), *between, Stop(now_b)]
-        along = sum(g for stop, g in zip(between, turns(then)[1], strict=True) if stop.normal is not None)
-        slack = max(b - a - long(then), 0.0) + last.error_estimate * along
+        loose = last.error_estimate * sum(g for s, g in zip(between, along, strict=True) if s.normal is not None)
+        slack = max(b - a - long(then), 0.0) + loose
         most = max(growth(then), growth(now))
         if most < math.inf:
             lacking = max(lacking, long(now) - long(then) - most * slack - LONGER * cable.length)
