@@ -53,9 +53,9 @@ class Sliding:
     def solve(self, problem: Problem) -> CableShape:
         """The solver's shape; where it is stuck or leaps, one where the cable comes to rest as it moves there.
 
-        That is the equilibrium which the solver finds where a motion from the last shape ends, or, where it is stuck
-        and finds none there, what two meshes of the motion agree on. Its memory is of that, then, until it goes on:
-        from its own last shape.
+        That is the equilibrium which the solver finds where a motion from the last shape ends, or, where it finds none
+        there, what two meshes of the motion agree on. Its memory is of that, then, until it goes on:
+        from its own last shape, or, where it has leapt from there, from the last one.
         """
         began, told = perf_counter(), self._aside is not None
         if told:
@@ -79,7 +79,7 @@ class Sliding:
             return self._remember(shape, where)
         if not (stuck or (last is not None and _leaps(shape, last[0]))):
             return self._remember(shape, where)
-        found = self._slid(last, where, problem, leaps=shape.usable)
+        found = self._slid(last, where, problem, leapt=shape.usable)
         if found is None:
             self._waits = self._pause if stuck else 0
             if last is None or _drawn(last[0]):
@@ -115,9 +115,9 @@ class Sliding:
         return shape
 
     def _slid(
-        self, last: tuple[CableShape, Where] | None, where: Where, problem: Problem, *, leaps: bool
+        self, last: tuple[CableShape, Where] | None, where: Where, problem: Problem, *, leapt: bool
     ) -> CableShape | None:
-        """Where the cable comes to rest, from nothing let down; None if that is not known. leaps: the solver has come
+        """Where the cable comes to rest, from nothing let down; None if that is not known. leapt: the solver has come
         elsewhere. What sticks creeps as it moves: of friction the shape tells no past, and one mesh may creep over a
         wall that holds the others. Two are to come to a shape behind a body.
         """
@@ -143,9 +143,12 @@ class Sliding:
             solver.put_back(aside)
             if not still:
                 continue
-            if coarser is not None and not leaps:
+            if coarser is not None:
                 rest.error_estimate += _apart(rest, coarser)
                 if rest.error_estimate <= max(problem.tolerance, ACCURACY * rest.length):
+                    if leapt and last is not None:
+                        solver.go_back_to(problem, last[0], *last[1])
+                        aside = solver.put_aside()
                     self._aside = aside
                     solver.begin(problem, rest, near=True)
                     rest.frictionless = rest.frictionless or solver.rough
