@@ -173,20 +173,19 @@ class Watch:
 def _at_rest(motion: Motion, watch: Watch, way: list[Where], pace: float, longest: float, patience: int) -> Rest | None:
     """What a motion comes to at the end of a way, there in steps up to so long [s]; None: it gets past a body, or
     nowhere."""
-    shape, dt, unrest = motion.last, _STEP, math.inf
+    if not all(_gets_to(motion, watch, place, pace) for place in way[:-1]):
+        return None
+    (ends, links), shape, dt, unrest = way[-1], motion.last, _STEP, math.inf
     place, iterations, gone = shape.positions, 0, 0  # iterations at this place, and on the way there
-    for k in range(len(way) + _MOST):
+    for _ in range(1 + _MOST):
         before = shape
-        ends, links = way[min(k, len(way) - 1)]
-        shape = motion.step(*ends, pace if k < len(way) - 1 else dt, links)
-        if not shape.usable and k >= len(way) and dt > _SHORTEST:
+        shape = motion.step(*ends, dt, links)
+        if not shape.usable and dt > _SHORTEST:
             shape, dt = before, _SHORTER * dt  # the state is kept
             longest = dt
             continue
         if not shape.usable or watch.passed(before, shape):
             return None
-        if k < len(way) - 1:
-            continue
         iterations += shape.iterations
         if _sizes(shape.positions - place).max() > _ELSEWHERE * shape.length:
             place, iterations, gone = shape.positions, 0, gone + iterations
@@ -200,6 +199,16 @@ def _at_rest(motion: Motion, watch: Watch, way: list[Where], pace: float, longes
     shape.velocity, shape.model = None, MODEL
     shape.kinetic_energy, shape.work, shape.dissipated = 0.0, 0.0, 0.0
     return Rest(shape, unrest < _STILL and bent < _UNBENT)
+
+
+def _gets_to(motion: Motion, watch: Watch, place: Where, pace: float) -> bool:
+    """Whether a motion gets to a place in that time [s], or in less where it cannot be taken, and past no body."""
+    before, (ends, links) = motion.last, place
+    shape = motion.step(*ends, pace, links)
+    while not shape.usable and pace > _SHORTEST:
+        pace *= _SHORTER  # the state is kept
+        shape = motion.step(*ends, pace, links)
+    return shape.usable and not watch.passed(before, shape)
 
 
 def _sizes(rows: Any) -> Any:

@@ -70,6 +70,34 @@ def test_it_comes_to_rest_where_statics_have_it():
         assert off.max() < 5e-3 * np.abs(exact.force).max()
 
 
+@pytest.mark.parametrize(("longest", "meshes"), [(0.05, 4), (0.015, 4), (0.001, 0)])
+def test_a_step_that_cannot_be_taken_on_the_way_is_taken_in_less_time(longest, meshes, monkeypatch):
+    """Where contacts flutter, pressed in a channel: given up there, channel 40 of random routing lost ninety steps."""
+    cable = cs.Cable(1.0, 0.1, 0.02, 0.015, diameter=0.008)
+    table = cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, -0.1)))
+    scene = cs.Scene(obstacles=[table], contact="solve")
+    start, places = cs.Pose((0, 0, 0), AHEAD), [cs.Pose((x, 0, 0), AHEAD) for x in (0.72, 0.715, 0.705, 0.7)]
+    predictor = cs.Predictor(cable, scene=scene)
+    last, *_, exact = [predictor.predict(start, end) for end in places]
+    go, tried = cs.Motion.step, []
+
+    def step(moving, first, second, dt, links):
+        tried.append(dt)
+        if dt <= longest:
+            return go(moving, first, second, dt, links)
+        shape = moving.last.again()
+        shape.status = cs.Status.NOT_CONVERGED
+        return shape
+
+    monkeypatch.setattr(cs.Motion, "step", step)
+    way = [((start, end), None) for end in places]
+    found = list(led_to_rest(cable, last, way[0], way[1:], scene, {}))
+    assert len(found) == meshes
+    assert max(tried) > longest
+    for shape, _ in found:
+        assert np.abs(shape.positions - exact.positions).max() < 1e-3
+
+
 @pytest.fixture(scope="module")
 def pressed():
     """A motion, and grips between which no shape is found as the walls come from below, above or aside."""
