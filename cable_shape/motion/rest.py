@@ -31,7 +31,7 @@ DRAG, RETARDATION = 0.3, 0.2
 _ATTEMPTS = ((120, 0.1), (160, 0.3), (200, 0.3), (240, 0.3))
 _STEP, _LONGER = 0.02, 1.15  # [s], the first step, and how much longer each next one is
 _PACE = 0.1  #: [s] from place to place of a way that ends have gone: quicker than that the cable would trail behind
-_SHORTER, _SHORTEST = 0.3, 0.005  # so much shorter is one after one that could not be taken; [s], to no less than that
+_SHORTER, _SHORTEST = 0.3, 0.005  # one that could not be taken is so much shorter next; [s], not from this on
 _LET_DOWN_IN = _ATTEMPTS[:2]  #: of what is let down, on a long way
 #: Steps at the end of a way, and iterations of all of them.
 _MOST, _MOST_ITERATIONS = 160, 60_000
